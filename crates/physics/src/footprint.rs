@@ -1,0 +1,454 @@
+//! What one datum of a profile averages over: its ring, the beam's width, the camera's pixel.
+
+use crate::medium::Coefficients;
+use crate::model::{ForwardModel, Gradient};
+use crate::profile::ProfilePoint;
+use gauss_quad::GaussLegendre;
+use nalgebra::DMatrix;
+use std::f64::consts::{LN_2, PI};
+use std::num::NonZeroUsize;
+
+/// Power of the beam across the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Beam {
+    /// All of it at one point.
+    Point,
+    /// A Gaussian with this full width at half maximum, mm.
+    Gaussian {
+        /// Full width at half maximum, mm.
+        fwhm_mm: f64,
+    },
+    /// An even disk of this diameter, mm (its full width at half maximum).
+    Disk {
+        /// Diameter, mm.
+        fwhm_mm: f64,
+    },
+}
+
+/// What smears a profile before it is averaged over rings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blur {
+    /// The beam that lit the sample.
+    pub beam: Beam,
+    /// Side of a pixel on the sample, mm; each averages over its square. 0 for none.
+    pub pixel_mm: f64,
+}
+
+impl Blur {
+    /// A point beam, seen without pixels.
+    pub const NONE: Self = Self {
+        beam: Beam::Point,
+        pixel_mm: 0.0,
+    };
+
+    /// Displacements from the nominal point, mm, with weights that sum to 1.
+    ///
+    /// A pixel's square has the second moment `pixel_mm`²/12 along each axis; it is added to the
+    /// beam's. What it has beyond that is of fourth order in the pixel.
+    fn displacements(&self, count: usize) -> Vec<(f64, f64)> {
+        let pixel = self.pixel_mm * self.pixel_mm / 12.0;
+        let gaussian = |variance: f64| {
+            // Beyond six standard deviations lies 1.5e-8 of the beam.
+            legendre(count, 0.0, 6.0 * variance.sqrt(), |d| {
+                d * (-0.5 * d * d / variance).exp()
+            })
+        };
+        let mut pairs = match self.beam {
+            Beam::Point if pixel == 0.0 => vec![(0.0, 1.0)],
+            Beam::Point => gaussian(pixel),
+            Beam::Gaussian { fwhm_mm } => {
+                let variance = fwhm_mm * fwhm_mm / (8.0 * LN_2) + pixel;
+                if variance == 0.0 {
+                    vec![(0.0, 1.0)]
+                } else {
+                    gaussian(variance)
+                }
+            }
+            Beam::Disk { fwhm_mm } => {
+                // An even disk of radius R has the second moment R²/4 along each axis.
+                let radius = (0.25 * fwhm_mm * fwhm_mm + 4.0 * pixel).sqrt();
+                if radius == 0.0 {
+                    vec![(0.0, 1.0)]
+                } else {
+                    legendre(count, 0.0, radius, |d| d)
+                }
+            }
+        };
+        let sum: f64 = pairs.iter().map(|(_, w)| w).sum();
+        for (_, weight) in &mut pairs {
+            *weight /= sum;
+        }
+        pairs
+    }
+
+    /// Standard deviation of the blur along one axis, mm.
+    pub fn standard_deviation_mm(&self) -> f64 {
+        let pixel = self.pixel_mm * self.pixel_mm / 12.0;
+        let beam = match self.beam {
+            Beam::Point => 0.0,
+            Beam::Gaussian { fwhm_mm } => fwhm_mm * fwhm_mm / (8.0 * LN_2),
+            Beam::Disk { fwhm_mm } => fwhm_mm * fwhm_mm / 16.0,
+        };
+        (beam + pixel).sqrt()
+    }
+}
+
+/// Nodes and weights of ∫ `density` over [low, high].
+fn legendre(count: usize, low: f64, high: f64, density: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+    let count = NonZeroUsize::new(count.max(1)).expect("at least 1");
+    let (half, mid) = (0.5 * (high - low), 0.5 * (high + low));
+    GaussLegendre::new(count)
+        .as_node_weight_pairs()
+        .iter()
+        .map(|(x, w)| {
+            let r = mid + half * x;
+            (r, w * half * density(r))
+        })
+        .collect()
+}
+
+/// For each datum of a profile, the radii and weights whose sum is the average that it saw.
+///
+/// A pencil beam's R_d is a function of radius alone. A ring of a blurred picture averages it
+/// over a distribution of radii, and the Gauss rule of that very distribution turns the average
+/// into a few evaluations, whatever the model and the medium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footprints {
+    radii: Vec<f64>,
+    weights: Vec<f64>,
+    /// Where each datum's run of radii ends.
+    ends: Vec<usize>,
+}
+
+impl Footprints {
+    /// The footprints of the points of a profile: the mean over each ring, or the value at the
+    /// radius where a point has no ring.
+    pub fn new(points: &[ProfilePoint], blur: &Blur) -> Self {
+        let mut footprints = Self {
+            radii: vec![],
+            weights: vec![],
+            ends: vec![],
+        };
+        for point in points {
+            let rule = match point.ring_mm {
+                None => blurred_rule(&[(point.radius_mm, 1.0)], blur),
+                Some((inner, outer)) => {
+                    let area = 0.5 * (outer * outer - inner * inner);
+                    let count = if outer > 1.5 * inner { 8 } else { 4 };
+                    let ring = legendre(count, inner, outer, |r| r / area);
+                    if blur.standard_deviation_mm() == 0.0 {
+                        ring
+                    } else {
+                        blurred_rule(&ring, blur)
+                    }
+                }
+            };
+            for (radius, weight) in rule {
+                footprints.radii.push(radius);
+                footprints.weights.push(weight);
+            }
+            footprints.ends.push(footprints.radii.len());
+        }
+        footprints
+    }
+
+    /// How many data there are.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Whether there is no datum.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// What `model` says of every datum, per power that enters, into `out`.
+    pub fn reflectance(&self, model: &dyn ForwardModel, at: Coefficients, out: &mut [f64]) {
+        let mut values = vec![0.0; self.radii.len()];
+        model.diffuse_reflectance(at, &self.radii, &mut values);
+        self.average(&values, out);
+    }
+
+    /// What `model` says of every datum, with derivatives, into `out`.
+    ///
+    /// `scratch` is any vector; it is kept by the caller so that a fit allocates once.
+    pub fn reflectance_gradient(
+        &self,
+        model: &dyn ForwardModel,
+        at: Coefficients,
+        scratch: &mut Vec<Gradient>,
+        out: &mut [Gradient],
+    ) {
+        scratch.resize(self.radii.len(), Gradient::default());
+        model.diffuse_reflectance_gradient(at, &self.radii, scratch);
+        self.average(scratch, out);
+    }
+
+    fn average<T>(&self, values: &[T], out: &mut [T])
+    where
+        T: Copy + Default + std::ops::Add<Output = T> + std::ops::Mul<f64, Output = T>,
+    {
+        debug_assert_eq!(out.len(), self.len());
+        let mut start = 0;
+        for (out, &end) in out.iter_mut().zip(&self.ends) {
+            *out = values[start..end]
+                .iter()
+                .zip(&self.weights[start..end])
+                .fold(T::default(), |sum, (v, w)| sum + *v * *w);
+            start = end;
+        }
+    }
+}
+
+/// A Gauss rule for the distance from the centre of a point drawn from `ring` (radii and
+/// weights) and displaced by `blur`.
+fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
+    let spread = blur.standard_deviation_mm();
+    if spread == 0.0 {
+        return ring.to_vec();
+    }
+    let innermost = ring.iter().fold(f64::INFINITY, |m, (r, _)| m.min(*r));
+    let outermost = ring.iter().fold(0.0_f64, |m, (r, _)| m.max(*r));
+    // Far out the distribution is narrow beside the radius and a few nodes are exact.
+    let relative = (spread + 0.3 * (outermost - innermost)) / outermost.max(spread);
+    let (nodes, fine, angles) = match relative {
+        x if x < 0.03 => (3, 10, 12),
+        x if x < 0.1 => (5, 16, 24),
+        x if x < 0.25 => (9, 24, 32),
+        _ => (20, 40, 64),
+    };
+    let mut samples = Vec::with_capacity(ring.len() * fine * angles);
+    for &(radius, ring_weight) in ring {
+        for &(offset, weight) in &blur.displacements(fine) {
+            // The trapezoidal rule over a period converges faster than any power.
+            for step in 0..angles {
+                let cos = (PI * (step as f64 + 0.5) / angles as f64).cos();
+                let square = radius * radius + offset * offset + 2.0 * radius * offset * cos;
+                samples.push((square.max(0.0).sqrt(), ring_weight * weight / angles as f64));
+            }
+        }
+    }
+    gauss_rule(&samples, nodes)
+}
+
+/// The Gauss rule with `count` nodes of a discrete measure (Stieltjes' procedure, then the
+/// eigenvalues of the Jacobi matrix after Golub and Welsch 1969).
+fn gauss_rule(samples: &[(f64, f64)], count: usize) -> Vec<(f64, f64)> {
+    let total: f64 = samples.iter().map(|(_, w)| w).sum();
+    let mean = samples.iter().map(|(x, w)| x * w).sum::<f64>() / total;
+    let spread = (samples
+        .iter()
+        .map(|(x, w)| w * (x - mean).powi(2))
+        .sum::<f64>()
+        / total)
+        .sqrt();
+    if spread <= 1e-12 * mean.abs() {
+        return vec![(mean, total)];
+    }
+    // In units of the spread about the mean, so that the recurrence stays near 1.
+    let x: Vec<f64> = samples.iter().map(|(x, _)| (x - mean) / spread).collect();
+    let mut previous = vec![0.0; x.len()];
+    let mut current = vec![1.0; x.len()];
+    let mut norm = total;
+    let mut below = 0.0;
+    let mut jacobi = DMatrix::zeros(count, count);
+    let mut size = 0;
+    for i in 0..count {
+        let moment: f64 = x
+            .iter()
+            .zip(&current)
+            .zip(samples)
+            .map(|((x, p), (_, w))| w * x * p * p)
+            .sum();
+        let a = moment / norm;
+        jacobi[(i, i)] = a;
+        size = i + 1;
+        if size == count {
+            break;
+        }
+        for ((p, last), x) in current.iter_mut().zip(&mut previous).zip(&x) {
+            let next = (x - a) * *p - below * *last;
+            *last = std::mem::replace(p, next);
+        }
+        let next_norm: f64 = current
+            .iter()
+            .zip(samples)
+            .map(|(p, (_, w))| w * p * p)
+            .sum();
+        below = next_norm / norm;
+        if below <= 1e-14 {
+            break;
+        }
+        norm = next_norm;
+        jacobi[(i, i + 1)] = below.sqrt();
+        jacobi[(i + 1, i)] = below.sqrt();
+    }
+    let eigen = jacobi
+        .view((0, 0), (size, size))
+        .into_owned()
+        .symmetric_eigen();
+    let mut rule: Vec<(f64, f64)> = eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.row(0).iter())
+        // A node may fall a rounding error below 0, where no radius is.
+        .map(|(node, first)| ((mean + spread * node).abs(), total * first * first))
+        .collect();
+    rule.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rule
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dipole::{Dipole, DipoleModel};
+    use crate::fresnel::DiffuseFresnel;
+    use crate::medium::ReducedMedium;
+    use crate::profile::mean_radius;
+
+    const MARBLE: ReducedMedium = ReducedMedium {
+        sigma_a: 0.0041,
+        sigma_s_prime: 2.62,
+        eta: 1.5,
+    };
+
+    fn ring(inner: f64, outer: f64) -> ProfilePoint {
+        ProfilePoint {
+            ring_mm: Some((inner, outer)),
+            radius_mm: mean_radius(inner, outer),
+            reflectance_per_mm2: 0.0,
+            u_reflectance_per_mm2: 0.0,
+            pixels: None,
+        }
+    }
+
+    fn seen(medium: &ReducedMedium, points: &[ProfilePoint], blur: &Blur) -> Vec<f64> {
+        let mut out = vec![0.0; points.len()];
+        let model = DipoleModel::new(medium.eta, DiffuseFresnel::Exact);
+        Footprints::new(points, blur).reflectance(&model, medium.coefficients(), &mut out);
+        out
+    }
+
+    #[test]
+    fn a_ring_without_blur_is_the_difference_of_what_lies_beyond() {
+        let dipole = Dipole::new(&MARBLE, DiffuseFresnel::Exact);
+        for (inner, outer) in [(0.0, 0.1), (0.5, 0.6), (1.0, 1.4), (10.0, 10.5)] {
+            let got = seen(&MARBLE, &[ring(inner, outer)], &Blur::NONE)[0];
+            let area = PI * (outer * outer - inner * inner);
+            let expected = (dipole.beyond(inner).value - dipole.beyond(outer).value) / area;
+            assert!(
+                (got / expected - 1.0).abs() < 1e-7,
+                "{inner}-{outer}: {got} for {expected}"
+            );
+        }
+    }
+
+    /// The convolution as a plain double sum over the plane, in Cartesian coordinates.
+    fn brute_force(medium: &ReducedMedium, radius: f64, sigma: f64, pixel: f64) -> f64 {
+        let dipole = Dipole::new(medium, DiffuseFresnel::Exact);
+        let (steps, reach) = (700, 6.5 * sigma);
+        let h = 2.0 * reach / steps as f64;
+        let subpixels = [-0.339_98, -0.861_14, 0.339_98, 0.861_14]
+            .into_iter()
+            .zip([0.326_07, 0.173_93, 0.326_07, 0.173_93]);
+        let (mut sum, mut norm) = (0.0, 0.0);
+        for i in 0..steps {
+            for j in 0..steps {
+                let x = -reach + (i as f64 + 0.5) * h;
+                let y = -reach + (j as f64 + 0.5) * h;
+                let w = (-0.5 * (x * x + y * y) / (sigma * sigma)).exp();
+                norm += w;
+                // One row of subpixels along each axis in turn serves the second order.
+                for (s, sw) in subpixels.clone() {
+                    for (t, tw) in subpixels.clone() {
+                        let (px, py) = (0.5 * pixel * s, 0.5 * pixel * t);
+                        let r = (radius + x + px).hypot(y + py);
+                        sum += w * sw * tw * dipole.diffuse_reflectance(r);
+                    }
+                }
+            }
+        }
+        sum / norm
+    }
+
+    #[test]
+    fn a_blurred_point_is_the_convolution() {
+        let fwhm_mm = 0.3;
+        let sigma = fwhm_mm / (8.0 * LN_2).sqrt();
+        let white = ReducedMedium {
+            sigma_a: 1e-5,
+            sigma_s_prime: 11.6,
+            eta: 1.3,
+        };
+        let blur = Blur {
+            beam: Beam::Gaussian { fwhm_mm },
+            pixel_mm: 0.04,
+        };
+        for (medium, radius, tolerance) in [
+            (MARBLE, 0.0, 1e-4),
+            (MARBLE, 0.3, 1e-5),
+            (MARBLE, 1.1, 1e-6),
+            (white, 0.5, 1e-4),
+            (white, 2.0, 1e-6),
+        ] {
+            let point = ProfilePoint {
+                ring_mm: None,
+                radius_mm: radius,
+                ..ring(0.0, 1.0)
+            };
+            let got = seen(&medium, &[point], &blur)[0];
+            let expected = brute_force(&medium, radius, sigma, 0.04);
+            assert!(
+                (got / expected - 1.0).abs() < tolerance,
+                "{medium:?}, r = {radius}: {got} for {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn nodes_do_not_matter_where_the_fit_looks() {
+        // The same average with every ring cut into thin ones that are blurred by many nodes.
+        let blur = Blur {
+            beam: Beam::Gaussian { fwhm_mm: 0.3 },
+            pixel_mm: 0.04,
+        };
+        for (inner, outer) in [(0.8, 0.9), (2.0, 2.1), (6.0, 6.3), (19.0, 20.0)] {
+            let got = seen(&MARBLE, &[ring(inner, outer)], &blur)[0];
+            let model = DipoleModel::new(MARBLE.eta, DiffuseFresnel::Exact);
+            let mut expected = 0.0;
+            for (r, w) in legendre(12, inner, outer, |r| {
+                2.0 * r / (outer * outer - inner * inner)
+            }) {
+                for (d, dw) in blur.displacements(48) {
+                    for step in 0..64 {
+                        let cos = (PI * (f64::from(step) + 0.5) / 64.0).cos();
+                        let radius = (r * r + d * d + 2.0 * r * d * cos).sqrt();
+                        let mut value = [0.0];
+                        model.diffuse_reflectance(MARBLE.coefficients(), &[radius], &mut value);
+                        expected += w * dw / 64.0 * value[0];
+                    }
+                }
+            }
+            assert!(
+                (got / expected - 1.0).abs() < 1e-7,
+                "{inner}-{outer}: {got} for {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_disk_keeps_its_second_moment() {
+        let blur = Blur {
+            beam: Beam::Disk { fwhm_mm: 0.8 },
+            pixel_mm: 0.0,
+        };
+        let moment: f64 = blur.displacements(20).iter().map(|(d, w)| w * d * d).sum();
+        assert!((moment - 0.5 * 0.4 * 0.4).abs() < 1e-12, "{moment}");
+        let blur = Blur {
+            beam: Beam::Gaussian { fwhm_mm: 0.8 },
+            pixel_mm: 0.1,
+        };
+        let moment: f64 = blur.displacements(40).iter().map(|(d, w)| w * d * d).sum();
+        assert!((moment / (2.0 * blur.standard_deviation_mm().powi(2)) - 1.0).abs() < 1e-5);
+    }
+}

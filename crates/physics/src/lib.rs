@@ -1,0 +1,43 @@
+//! Light in translucent matter: the nouns that travel through beamspot, and the closed forms.
+//!
+//! This is the ground floor. It knows no files, no threads and no command line; every other crate
+//! stands on it and none of its formulas is written twice.
+//!
+//! Every length is in mm and every coefficient in mm⁻¹.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`medium`] | what a photon meets ([`Medium`]) and what diffusion sees of it ([`ReducedMedium`]) |
+//! | [`fresnel`] | a smooth boundary: reflectance, its averages, the factors of entry and exit |
+//! | [`phase`] | phase functions |
+//! | [`dipole`] | the diffusion dipole of Jensen et al. (2001), its gradient, total and inverse |
+//! | [`brdf`] | the BSSRDF folded into a BRDF under uniform light |
+//! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
+//! | [`footprint`] | what one datum of a profile averages over: ring, beam and pixel |
+//! | [`frame`] | [`Frame`] and [`Sensor`]: one exposure, and the sensor behind it |
+//! | [`radiance`] | [`RadianceMap`]: a picture with a variance |
+//! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
+//! | [`material`] | [`Material`]: one row of a table |
+
+pub mod brdf;
+pub mod dipole;
+pub mod footprint;
+pub mod frame;
+pub mod fresnel;
+pub mod material;
+pub mod medium;
+pub mod model;
+pub mod phase;
+pub mod profile;
+pub mod radiance;
+
+pub use dipole::{Dipole, DipoleModel};
+pub use footprint::{Blur, Footprints};
+pub use frame::{Frame, Sensor};
+pub use fresnel::DiffuseFresnel;
+pub use material::Material;
+pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
+pub use model::{ForwardModel, Gradient};
+pub use phase::{HenyeyGreenstein, PhaseFunction};
+pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
+pub use radiance::{ChannelMap, RadianceMap};

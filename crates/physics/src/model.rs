@@ -1,0 +1,70 @@
+//! What a fit asks of a model of diffuse reflectance.
+
+use crate::medium::Coefficients;
+use std::ops::{Add, Mul, Sub};
+
+/// A value and its derivatives in σₐ and σₛ′.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gradient {
+    /// The value itself.
+    pub value: f64,
+    /// ∂/∂σₐ, in units of the value times mm.
+    pub in_sigma_a: f64,
+    /// ∂/∂σₛ′, in units of the value times mm.
+    pub in_sigma_s_prime: f64,
+}
+
+impl Add for Gradient {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            value: self.value + other.value,
+            in_sigma_a: self.in_sigma_a + other.in_sigma_a,
+            in_sigma_s_prime: self.in_sigma_s_prime + other.in_sigma_s_prime,
+        }
+    }
+}
+
+impl Sub for Gradient {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self + other * -1.0
+    }
+}
+
+impl Mul<f64> for Gradient {
+    type Output = Self;
+    fn mul(self, factor: f64) -> Self {
+        Self {
+            value: self.value * factor,
+            in_sigma_a: self.in_sigma_a * factor,
+            in_sigma_s_prime: self.in_sigma_s_prime * factor,
+        }
+    }
+}
+
+/// Diffuse reflectance of a half-space at one relative index, for any coefficients.
+///
+/// Everything is per unit of power that *enters* the medium, under a pencil beam along the
+/// normal; entry loss, beam width and rings are the caller's.
+pub trait ForwardModel: Sync {
+    /// The name by which commands and files call the model.
+    fn name(&self) -> &'static str;
+
+    /// Relative index that the model was made for.
+    fn eta(&self) -> f64;
+
+    /// R_d at each `radius` (mm), mm⁻², into `out` of the same length.
+    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]);
+
+    /// R_d at each `radius` (mm) with its derivatives, into `out` of the same length.
+    fn diffuse_reflectance_gradient(
+        &self,
+        coefficients: Coefficients,
+        radius: &[f64],
+        out: &mut [Gradient],
+    );
+
+    /// The light that leaves farther than `radius` mm from the beam; at 0 the total.
+    fn beyond(&self, coefficients: Coefficients, radius: f64) -> Gradient;
+}

@@ -1,0 +1,1 @@
+//! beamspot profile.
