@@ -79,65 +79,74 @@ impl Dipole {
     }
 
     /// [`Self::diffuse_reflectance`] with its derivatives in σₐ and σₛ′.
-    ///
-    /// At σₐ = 0 the derivative in σₐ is infinite where it is not zero: σₜᵣ starts as a root.
     pub fn diffuse_reflectance_gradient(&self, radius: f64) -> Gradient {
         let tr = self.sigma_tr;
-        let (mut sum, mut in_sigma_tr, mut in_ln_length) = (0.0, 0.0, 0.0);
+        let mut sum = SourceSum::default();
         for z in [self.z_real, self.z_virtual] {
             let d = radius.hypot(z);
             let (d2, decay) = (d * d, (-tr * d).exp());
             let flux = (1.0 + tr * d) * decay / (d2 * d);
             let steepening = (tr * tr * d2 + 3.0 * tr * d + 3.0) * decay / (d2 * d2 * d);
-            sum += z * flux;
-            in_sigma_tr -= z * tr * decay / d;
-            // Both depths are proportional to 1/σₜ′; ∂/∂ln z.
-            in_ln_length += z * (flux - z * z * steepening);
+            sum.value += z * flux;
+            sum.in_sigma_tr_squared -= 0.5 * z * decay / d;
+            sum.in_ln_depth += z * (flux - z * z * steepening);
         }
-        self.assemble(4.0 * PI, sum, in_sigma_tr, in_ln_length)
+        self.gradient(&sum, 4.0 * PI)
     }
 
-    /// The light that leaves farther than `radius` mm from the beam, with its derivatives:
-    /// ∫ from `radius` to ∞ of `R_d` 2πr dr.
+    /// The light that leaves within `radius` mm of the beam, with its derivatives:
+    /// ∫ from 0 to `radius` of `R_d` 2πr dr. The total for an infinite `radius`.
     ///
-    /// The closed form (α′/2) Σ z e^(−σₜᵣ d)/d, d = √(`radius`² + z²), over both sources. It is
-    /// the difference of the total and the integral to `radius`, without their cancellation.
-    pub fn beyond(&self, radius: f64) -> Gradient {
+    /// The closed form is the total less (α′/2) Σ z e^(−σₜᵣ d)/d, d = √(`radius`² + z²), over both
+    /// sources. At σₐ = 0 its derivative in σₐ is finite for a finite `radius` and −∞ for the
+    /// whole plane, whose total starts like 1 − √σₐ.
+    pub fn within(&self, radius: f64) -> Gradient {
         let tr = self.sigma_tr;
-        let (mut sum, mut in_sigma_tr, mut in_ln_length) = (0.0, 0.0, 0.0);
+        let mut sum = SourceSum::default();
         for z in [self.z_real, self.z_virtual] {
-            let d = radius.hypot(z);
-            let decay = (-tr * d).exp();
-            sum += z * decay / d;
-            in_sigma_tr -= z * decay;
-            in_ln_length += z * decay / d * (1.0 - z * z * (tr * d + 1.0) / (d * d));
+            let near = (-tr * z).exp();
+            let (far, per_d, path) = if radius.is_finite() {
+                let d = radius.hypot(z);
+                ((-tr * d).exp() * z / d, 1.0 / d, d - z)
+            } else {
+                (0.0, 0.0, f64::INFINITY)
+            };
+            sum.value += near - far;
+            // (e^(−σₜᵣ z) − e^(−σₜᵣ d))/σₜᵣ, without its cancellation.
+            let mean_path = if tr > 0.0 { -(-tr * path).exp_m1() / tr } else { path };
+            sum.in_sigma_tr_squared -= 0.5 * z * near * mean_path;
+            let slope = (z * per_d).powi(2) + z * z * tr * per_d;
+            sum.in_ln_depth -= tr * z * near + far * (1.0 - slope);
         }
-        self.assemble(2.0, sum, in_sigma_tr, in_ln_length)
+        self.gradient(&sum, 2.0)
     }
 
-    /// α′·`sum`/`divisor` and its derivatives, from those of `sum` in σₜᵣ and in the logarithm of
-    /// both source depths.
-    fn assemble(&self, divisor: f64, sum: f64, in_sigma_tr: f64, in_ln_length: f64) -> Gradient {
+    /// The light that leaves farther than `radius` mm from the beam: the total less
+    /// [`Self::within`], without their cancellation.
+    pub fn beyond(&self, radius: f64) -> f64 {
+        let share = |z: f64| {
+            let d = radius.hypot(z);
+            z * (-self.sigma_tr * d).exp() / d
+        };
+        0.5 * self.albedo_prime * (share(self.z_real) + share(self.z_virtual))
+    }
+
+    /// α′·`sum`/`divisor`, by the chain rule from σₜᵣ² = 3 σₐ σₜ′, depths ∝ 1/σₜ′ and
+    /// α′ = σₛ′/σₜ′.
+    fn gradient(&self, sum: &SourceSum, divisor: f64) -> Gradient {
         let t = self.sigma_t_prime;
         let scale = self.albedo_prime / divisor;
-        let in_length = -in_ln_length / t;
-        let (tr_in_a, tr_in_s) = if self.sigma_a > 0.0 {
-            let half = 1.5 / self.sigma_tr;
-            (half * (t + self.sigma_a), half * self.sigma_a)
-        } else {
-            (f64::INFINITY, 0.0)
-        };
-        let in_root = if in_sigma_tr == 0.0 {
-            0.0
-        } else {
-            in_sigma_tr * tr_in_a
-        };
+        let in_depth = -sum.in_ln_depth / t;
+        let in_tr2 = 3.0 * sum.in_sigma_tr_squared;
+        let in_albedo = sum.value / (divisor * t * t);
         Gradient {
-            value: scale * sum,
-            in_sigma_a: scale * (in_root + in_length)
-                - sum * self.sigma_s_prime / (t * t * divisor),
-            in_sigma_s_prime: scale * (in_sigma_tr * tr_in_s + in_length)
-                + sum * self.sigma_a / (t * t * divisor),
+            value: scale * sum.value,
+            in_sigma_a: scale * (in_tr2 * (t + self.sigma_a) + in_depth)
+                - in_albedo * self.sigma_s_prime,
+            // σₐ = 0 leaves no way for σₛ′ to act through σₜᵣ, not even on the whole plane.
+            in_sigma_s_prime: scale
+                * (if self.sigma_a > 0.0 { in_tr2 * self.sigma_a } else { 0.0 } + in_depth)
+                + in_albedo * self.sigma_a,
         }
     }
 
@@ -147,7 +156,7 @@ impl Dipole {
     ///
     /// Jensen et al. (2001), section 2.4: (α′/2)(1 + e^(−4A√(3(1−α′))/3)) e^(−√(3(1−α′))).
     pub fn total_reflectance(&self) -> f64 {
-        self.beyond(0.0).value
+        self.beyond(0.0)
     }
 
     /// The diffuse BSSRDF S_d between two points `radius` mm apart on a plane, mm⁻² sr⁻¹.
@@ -165,6 +174,14 @@ impl Dipole {
             * fresnel::entry_factor(eta, cos_out)
             / PI
     }
+}
+
+/// A sum over both sources with its derivatives in what the sources depend on.
+#[derive(Default)]
+struct SourceSum {
+    value: f64,
+    in_sigma_tr_squared: f64,
+    in_ln_depth: f64,
 }
 
 /// Total diffuse reflectance per entering power of a half-space of reduced albedo `albedo_prime`.
@@ -269,7 +286,11 @@ impl ForwardModel for DipoleModel {
         }
     }
 
-    fn beyond(&self, coefficients: Coefficients, radius: f64) -> Gradient {
+    fn within(&self, coefficients: Coefficients, radius: f64) -> Gradient {
+        Dipole::with_a(coefficients, self.a).within(radius)
+    }
+
+    fn beyond(&self, coefficients: Coefficients, radius: f64) -> f64 {
         Dipole::with_a(coefficients, self.a).beyond(radius)
     }
 }
@@ -399,7 +420,8 @@ pub(crate) mod tests {
             for radius in [0.0, 0.05, 0.3, 1.0, 4.0, 20.0] {
                 let label = format!("{medium:?}, r = {radius}");
                 check_gradient(medium, &label, |d| d.diffuse_reflectance_gradient(radius));
-                check_gradient(medium, &label, |d| d.beyond(radius));
+                check_gradient(medium, &label, |d| d.within(radius.max(0.3)));
+                check_gradient(medium, &label, |d| d.within(f64::INFINITY));
                 let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
                 let (a, b) = (
                     dipole.diffuse_reflectance(radius),
@@ -411,17 +433,43 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn without_absorption_the_slope_in_sigma_a_is_finite_but_for_the_whole_plane() {
+        let at = |sigma_a| {
+            let clear = ReducedMedium { sigma_a, sigma_s_prime: 5.0, eta: 1.3 };
+            Dipole::new(&clear, DiffuseFresnel::Exact)
+        };
+        // One-sided difference; its own error is of the order of σₐ·r²σₜ′.
+        let step = 1e-9;
+        for radius in [0.5, 5.0] {
+            let f = |a| at(a).diffuse_reflectance(radius);
+            let slope = (f(step) - f(0.0)) / step;
+            let got = at(0.0).diffuse_reflectance_gradient(radius).in_sigma_a;
+            assert!((got / slope - 1.0).abs() < 1e-3, "R_d at {radius}: {got} for {slope}");
+            let f = |a| at(a).within(radius).value;
+            let slope = (f(step) - f(0.0)) / step;
+            let got = at(0.0).within(radius).in_sigma_a;
+            assert!((got / slope - 1.0).abs() < 1e-3, "within {radius}: {got} for {slope}");
+        }
+        assert_eq!(at(0.0).within(f64::INFINITY).in_sigma_a, f64::NEG_INFINITY);
+        assert!(at(0.0).within(f64::INFINITY).in_sigma_s_prime.abs() < 1e-12);
+    }
+
+    #[test]
     fn beyond_is_the_integral() {
         let rule = GaussLegendre::new(NonZeroUsize::new(30).unwrap());
         for medium in MEDIA {
             let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
             let (from, to) = (0.7, 3.0);
             let ring = rule.integrate(from, to, |r| 2.0 * PI * r * dipole.diffuse_reflectance(r));
-            let closed = dipole.beyond(from).value - dipole.beyond(to).value;
+            let closed = dipole.beyond(from) - dipole.beyond(to);
             assert!(
                 (closed / ring - 1.0).abs() < 1e-12,
                 "{medium:?}: {closed} for {ring}"
             );
+            let total = dipole.within(to).value + dipole.beyond(to);
+            assert!((total / dipole.total_reflectance() - 1.0).abs() < 1e-13, "{medium:?}");
+            let whole = dipole.within(f64::INFINITY).value;
+            assert!((whole / dipole.total_reflectance() - 1.0).abs() < 1e-15, "{medium:?}");
         }
     }
 

@@ -335,7 +335,7 @@ mod tests {
         for (inner, outer) in [(0.0, 0.1), (0.5, 0.6), (1.0, 1.4), (10.0, 10.5)] {
             let got = seen(&MARBLE, &[ring(inner, outer)], &Blur::NONE)[0];
             let area = PI * (outer * outer - inner * inner);
-            let expected = (dipole.beyond(inner).value - dipole.beyond(outer).value) / area;
+            let expected = (dipole.beyond(inner) - dipole.beyond(outer)) / area;
             assert!(
                 (got / expected - 1.0).abs() < 1e-7,
                 "{inner}-{outer}: {got} for {expected}"

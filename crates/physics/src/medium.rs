@@ -152,17 +152,11 @@ impl Coefficients {
         Ok(self)
     }
 
-    /// The coefficients whose reduced albedo is 1 − k²/3 and whose reduced extinction is
-    /// `sigma_t_prime`, where k = σₜᵣ/σₜ′.
-    ///
-    /// k is the natural coordinate of a fit: the total reflectance falls with it at a finite
-    /// rate at k = 0, where its derivative in σₐ is infinite.
-    pub fn from_k(k: f64, sigma_t_prime: f64) -> Self {
-        let absorbed = k * k / 3.0;
-        Self {
-            sigma_a: sigma_t_prime * absorbed,
-            sigma_s_prime: sigma_t_prime * (1.0 - absorbed),
-        }
+    /// The coefficients with this effective transport coefficient σₜᵣ and this reduced
+    /// extinction σₜ′, both mm⁻¹; σₜᵣ below √3 σₜ′.
+    pub fn from_sigma_tr(sigma_tr: f64, sigma_t_prime: f64) -> Self {
+        let sigma_a = sigma_tr * sigma_tr / (3.0 * sigma_t_prime);
+        Self { sigma_a, sigma_s_prime: sigma_t_prime - sigma_a }
     }
 
     /// Reduced extinction coefficient σₜ′ = σₐ + σₛ′, mm⁻¹.
@@ -199,18 +193,11 @@ mod tests {
     }
 
     #[test]
-    fn k_is_sigma_tr_over_sigma_t_prime() {
-        let c = Coefficients {
-            sigma_a: 0.0041,
-            sigma_s_prime: 2.62,
-        };
-        let k = c.sigma_tr() / c.sigma_t_prime();
-        let back = Coefficients::from_k(k, c.sigma_t_prime());
+    fn sigma_tr_and_sigma_t_prime_give_the_coefficients_back() {
+        let c = Coefficients { sigma_a: 0.0041, sigma_s_prime: 2.62 };
+        let back = Coefficients::from_sigma_tr(c.sigma_tr(), c.sigma_t_prime());
         assert!((back.sigma_a / c.sigma_a - 1.0).abs() < 1e-13, "{back:?}");
-        assert!(
-            (back.sigma_s_prime / c.sigma_s_prime - 1.0).abs() < 1e-13,
-            "{back:?}"
-        );
+        assert!((back.sigma_s_prime / c.sigma_s_prime - 1.0).abs() < 1e-13, "{back:?}");
     }
 
     #[test]

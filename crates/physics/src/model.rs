@@ -65,6 +65,9 @@ pub trait ForwardModel: Sync {
         out: &mut [Gradient],
     );
 
-    /// The light that leaves farther than `radius` mm from the beam; at 0 the total.
-    fn beyond(&self, coefficients: Coefficients, radius: f64) -> Gradient;
+    /// The light that leaves within `radius` mm of the beam; the total for an infinite `radius`.
+    fn within(&self, coefficients: Coefficients, radius: f64) -> Gradient;
+
+    /// The light that leaves farther than `radius` mm from the beam; the total for 0.
+    fn beyond(&self, coefficients: Coefficients, radius: f64) -> f64;
 }

@@ -1,0 +1,48 @@
+//! What the caller of a fit chooses.
+
+use physics::Blur;
+
+/// What the total reflectance does to the fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Constraint {
+    /// The paper's: the model's total equals the measured one, taken as exact, and so is the
+    /// scale. Intervals are those of the noise alone.
+    Exact,
+    /// The total is one more datum with its own uncertainty, and profile and total share one
+    /// unknown scale factor with prior 1 ± u.
+    Joint,
+    /// The profile alone, with the unknown scale factor.
+    None,
+}
+
+/// How to fit. Every value is legal by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitOptions {
+    /// What the total does.
+    pub constraint: Constraint,
+    /// First and last radius, mm; `None` lets the fit choose from 2/σₜ′ outward, clear of the
+    /// blur.
+    pub range_mm: Option<(f64, f64)>,
+    /// Share of the incident power that enters the medium (`physics::fresnel::entry_factor`);
+    /// 1 is the paper's mode.
+    pub entry_factor: f64,
+    /// Relative standard uncertainty of the scale that profile and total share.
+    pub u_scale_relative: f64,
+    /// Beam width and pixel that the profile was blurred by.
+    pub blur: Blur,
+    /// Where the search gives up and returns its best so far.
+    pub max_evaluations: usize,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            constraint: Constraint::Joint,
+            range_mm: None,
+            entry_factor: 1.0,
+            u_scale_relative: 0.0,
+            blur: Blur::NONE,
+            max_evaluations: 2000,
+        }
+    }
+}

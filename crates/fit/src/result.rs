@@ -1,0 +1,305 @@
+//! What a fit returns.
+
+use physics::Coefficients;
+use thiserror::Error;
+
+/// A number with its standard uncertainty and 95 % interval, all in one unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Best estimate.
+    pub value: f64,
+    /// Standard uncertainty (JCGM 100).
+    pub u: f64,
+    /// Lower and upper end of the 95 % interval.
+    pub ci95: (f64, f64),
+}
+
+/// How the search ended. It always comes with its best estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Termination {
+    /// At a minimum.
+    Converged,
+    /// At a minimum that lies on σₐ = 0: see [`Fit::upper_limit`].
+    AtBound,
+    /// `max_evaluations` were used up.
+    OutOfEvaluations,
+}
+
+/// One fitted datum beside the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Mean radius, mm.
+    pub radius_mm: f64,
+    /// Measured exitance per incident power, mm⁻².
+    pub measured_per_mm2: f64,
+    /// Its own standard uncertainty, mm⁻².
+    pub u_per_mm2: f64,
+    /// What the model says at the optimum, mm⁻²: the scale factor is in it.
+    pub model_per_mm2: f64,
+}
+
+/// The total reflectance beside the model's, per incident power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TotalFit {
+    /// As measured, inside `radius_max_mm`.
+    pub measured: f64,
+    /// Its own standard uncertainty.
+    pub u: f64,
+    /// The model's inside the same circle, without the fitted scale factor.
+    pub model: f64,
+    /// The circle; `None` for the whole plane.
+    pub radius_max_mm: Option<f64>,
+}
+
+/// Something a user should know about a fit that is otherwise fine.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// The profile's radii end before diffusion would want to start.
+    #[error(
+        "the fit starts at {start_mm:.3} mm, only {transport_lengths:.2} transport lengths 1/(sigma_a + sigma_s') from the beam, where diffusion is a rough approximation: photograph a wider field"
+    )]
+    StartsNear {
+        /// Where the fit starts, mm.
+        start_mm: f64,
+        /// The same in 1/σₜ′.
+        transport_lengths: f64,
+    },
+    /// α′ is too low for diffusion.
+    #[error(
+        "reduced albedo {albedo_prime:.3}: the material absorbs too much for diffusion, whose error here may be tens of percent"
+    )]
+    LowAlbedo {
+        /// α′ as fitted.
+        albedo_prime: f64,
+    },
+    /// The residuals are larger than the noise explains.
+    #[error(
+        "reduced chi-squared {reduced_chi2:.2}: the residuals are larger than the stated noise, so every uncertainty was widened by {widened:.2}"
+    )]
+    PoorFit {
+        /// χ² per degree of freedom.
+        reduced_chi2: f64,
+        /// Factor applied to the uncertainties.
+        widened: f64,
+    },
+    /// The total exceeds what the model can reach.
+    #[error(
+        "measured total reflectance {total} is above the ceiling {ceiling} of a medium that absorbs nothing, within 3 u: sigma_a is an upper limit"
+    )]
+    TotalAtCeiling {
+        /// As measured.
+        total: f64,
+        /// The model's largest.
+        ceiling: f64,
+    },
+    /// σₐ cannot be told from 0.
+    #[error("sigma_a cannot be told from 0 here: take the upper limit {upper_limit:.3e} mm^-1")]
+    UpperLimitOnly {
+        /// 95 % upper limit of σₐ, mm⁻¹.
+        upper_limit: f64,
+    },
+    /// Much light leaves outside the picture.
+    #[error("{percent:.1} % of the light leaves outside the picture, by the model")]
+    LightOutside {
+        /// Share beyond the last radius, percent.
+        percent: f64,
+    },
+}
+
+/// σₐ and σₛ′ of one channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// Name of the channel.
+    pub channel: String,
+    /// Absorption coefficient, mm⁻¹.
+    pub sigma_a: Estimate,
+    /// Reduced scattering coefficient, mm⁻¹.
+    pub sigma_s_prime: Estimate,
+    /// Correlation of the errors of the two.
+    pub correlation: f64,
+    /// 95 % upper limit of σₐ, mm⁻¹, where its interval reaches 0.
+    pub upper_limit: Option<f64>,
+    /// The total, where one was given.
+    pub total: Option<TotalFit>,
+    /// Factor between model and measurement that was fitted along: 1 if the white reference is
+    /// right.
+    pub scale: f64,
+    /// First and last radius that took part, mm.
+    pub range_mm: (f64, f64),
+    /// Share of the light that leaves beyond the last radius of the profile, by the model.
+    pub share_outside: f64,
+    /// χ² per degree of freedom.
+    pub reduced_chi2: f64,
+    /// How often the model was evaluated.
+    pub evaluations: usize,
+    /// How the search ended.
+    pub termination: Termination,
+    /// What a user should know.
+    pub warnings: Vec<Warning>,
+    /// The points that took part.
+    pub residuals: Vec<Residual>,
+}
+
+/// What one input's uncertainty adds to the coefficients: their change for one u of the input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contribution {
+    /// Change of σₐ, mm⁻¹.
+    pub in_sigma_a: f64,
+    /// Change of σₛ′, mm⁻¹.
+    pub in_sigma_s_prime: f64,
+}
+
+impl Fit {
+    /// The coefficients alone.
+    pub fn coefficients(&self) -> Coefficients {
+        Coefficients { sigma_a: self.sigma_a.value, sigma_s_prime: self.sigma_s_prime.value }
+    }
+
+    /// The same fit with the uncertainties of inputs that it took as exact added in quadrature
+    /// (JCGM 100, 5.1.2), independent of each other.
+    pub fn with_contributions(&self, contributions: &[Contribution]) -> Self {
+        let (a, s) = (&self.sigma_a, &self.sigma_s_prime);
+        let (mut aa, mut ss) = (a.u * a.u, s.u * s.u);
+        let mut mixed = self.correlation * a.u * s.u;
+        for c in contributions {
+            aa += c.in_sigma_a * c.in_sigma_a;
+            ss += c.in_sigma_s_prime * c.in_sigma_s_prime;
+            mixed += c.in_sigma_a * c.in_sigma_s_prime;
+        }
+        let widen = |e: &Estimate, u: f64| {
+            if e.u == 0.0 {
+                return Estimate { u, ..*e };
+            }
+            let factor = u / e.u;
+            let (low, high) = e.ci95;
+            Estimate {
+                value: e.value,
+                u,
+                ci95: (
+                    (e.value - (e.value - low) * factor).max(0.0),
+                    e.value + (high - e.value) * factor,
+                ),
+            }
+        };
+        let (sigma_a, sigma_s_prime) = (widen(a, aa.sqrt()), widen(s, ss.sqrt()));
+        let grown = if a.u > 0.0 { sigma_a.u / a.u } else { 1.0 };
+        Self {
+            sigma_a,
+            sigma_s_prime,
+            correlation: if aa > 0.0 && ss > 0.0 { mixed / (aa * ss).sqrt() } else { 0.0 },
+            upper_limit: self.upper_limit.map(|limit| a.value + (limit - a.value) * grown),
+            ..self.clone()
+        }
+    }
+}
+
+/// A profile cannot constrain a medium at all.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum FitError {
+    /// Too few points in the range.
+    #[error(
+        "channel {channel}: {points} points between {start_mm} mm and {end_mm} mm; a fit needs at least {needed}: widen the range"
+    )]
+    TooFewPoints {
+        /// Name of the channel.
+        channel: String,
+        /// How many there are.
+        points: usize,
+        /// How many it takes.
+        needed: usize,
+        /// Start of the range, mm.
+        start_mm: f64,
+        /// End of the range, mm.
+        end_mm: f64,
+    },
+    /// A value or its uncertainty is not usable.
+    #[error(
+        "channel {channel}, radius {radius_mm} mm: reflectance {value} mm^-2 with u {u} mm^-2; expected a finite value and u above 0"
+    )]
+    BadPoint {
+        /// Name of the channel.
+        channel: String,
+        /// Where.
+        radius_mm: f64,
+        /// The value, mm⁻².
+        value: f64,
+        /// Its standard uncertainty, mm⁻².
+        u: f64,
+    },
+    /// The radii do not increase.
+    #[error(
+        "channel {channel}: radius {radius_mm} mm follows {previous_mm} mm; radii must increase: sort the profile and average repeated radii"
+    )]
+    RadiiNotIncreasing {
+        /// Name of the channel.
+        channel: String,
+        /// The radius at fault, mm.
+        radius_mm: f64,
+        /// The one before, mm.
+        previous_mm: f64,
+    },
+    /// Nothing rises above the noise.
+    #[error(
+        "channel {channel}: no point stands out of its noise by 3 u (the best by {best:.1}): expose longer or brighten the beam"
+    )]
+    NoSignal {
+        /// Name of the channel.
+        channel: String,
+        /// Largest value over its u.
+        best: f64,
+    },
+    /// Exact and joint fits need a total.
+    #[error("channel {channel}: the constraint needs a total reflectance and there is none")]
+    NoTotal {
+        /// Name of the channel.
+        channel: String,
+    },
+    /// The total or its uncertainty is not usable.
+    #[error(
+        "channel {channel}: total reflectance {total} with u {u}; expected a finite total above 0 and u of at least 0 (above 0 for a joint fit)"
+    )]
+    BadTotal {
+        /// Name of the channel.
+        channel: String,
+        /// The total.
+        total: f64,
+        /// Its own standard uncertainty.
+        u: f64,
+    },
+    /// More light comes back than entered.
+    #[error(
+        "channel {channel}: total reflectance {total} (u {u}) is above {ceiling}, the most that a medium can return, by more than 3 u: check the white reference, the stray light and the exposure times"
+    )]
+    TotalAboveCeiling {
+        /// Name of the channel.
+        channel: String,
+        /// The total.
+        total: f64,
+        /// Its standard uncertainty, the shared scale's included.
+        u: f64,
+        /// The model's largest.
+        ceiling: f64,
+    },
+    /// The beam covers the profile.
+    #[error(
+        "the profile ends at {profile_mm} mm, inside the beam ({beam_mm} mm are four standard deviations): give the range, or a narrower beam"
+    )]
+    BeamWiderThanProfile {
+        /// Four standard deviations of the blur, mm.
+        beam_mm: f64,
+        /// Last radius, mm.
+        profile_mm: f64,
+    },
+    /// An option lies outside its domain.
+    #[error("{name} must be {expected}, got {found}")]
+    BadOption {
+        /// Which one.
+        name: &'static str,
+        /// What was found.
+        found: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+}
