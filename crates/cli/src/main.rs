@@ -1,2 +1,51 @@
-//! The command line.
-fn main() {}
+//! The command line of beamspot: chooses a command and sets the exit code.
+
+mod args;
+mod commands;
+mod progress;
+
+use args::{Cli, Command};
+use clap::Parser;
+use pipeline::{Kind, Result};
+use std::io::Write;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nobody is left to tell if standard error is closed.
+            let _ = writeln!(std::io::stderr(), "beamspot: {error}");
+            ExitCode::from(match error.kind() {
+                Kind::Fault => 1,
+                Kind::Usage => 2,
+                Kind::Input => 3,
+                Kind::Interrupted => 130,
+            })
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<()> {
+    let common = cli.common;
+    if let Some(threads) = common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(|e| pipeline::Error::new(Kind::Fault, e))?;
+    }
+    let monitor = progress::Bar::new()?;
+    let mut out = std::io::stdout().lock();
+    let result = match cli.command {
+        Command::Demo(args) => commands::demo::run(&args, common, &monitor, &mut out),
+        Command::Synth(args) => commands::synth::run(&args, common, &monitor, &mut out),
+        Command::Measure(args) => commands::measure::run(&args, common, &monitor, &mut out),
+        Command::Hdr(args) => commands::hdr::run(&args, common, &monitor, &mut out),
+        Command::Profile(args) => commands::profile::run(&args, common, &monitor, &mut out),
+        Command::Fit(args) => commands::fit::run(&args, common, &mut out),
+        Command::Table(command) => commands::table::run(&command, common, &mut out),
+    };
+    monitor.finish();
+    result
+}

@@ -1,1 +1,37 @@
-//! beamspot formats.
+//! Codecs of beamspot: what its files hold, read from bytes and written to writers.
+//!
+//! Nothing here knows a path, a progress bar or a physical model: the roof opens files and adds
+//! their names to the errors. Values from outside pass through here once and are checked on the
+//! way; what comes out is a noun of [`physics`] or a plain struct with units in its names.
+//! Numbers are written in their shortest form that reads back to the same bits.
+//!
+//! | module | file |
+//! |---|---|
+//! | [`image`] | frames: 16-bit gray or RGB TIFF and PNG |
+//! | [`exr`] | `radiance.exr`: value and variance of every channel |
+//! | [`capture`] | `capture.toml`: frames and exposure times, geometry, beam, camera, reference |
+//! | [`sample_toml`] | a medium given by reduced coefficients, for `synth` |
+//! | [`profile_csv`] | `profile.csv` |
+//! | [`totals_csv`] | `totals.csv` |
+//! | [`materials_csv`], [`materials_json`] | material tables |
+//! | [`layers_csv`] | `layers.csv`: constituents of layered media |
+//! | [`toml_text`] | any TOML into any struct, with errors that name the nearest known key |
+
+pub mod capture;
+mod csv_table;
+pub mod exr;
+pub mod image;
+pub mod layers_csv;
+pub mod materials_csv;
+pub mod materials_json;
+mod nearest;
+pub mod profile_csv;
+pub mod sample_toml;
+pub mod toml_text;
+pub mod totals_csv;
+
+pub use capture::{Capture, CaptureError, parse_capture};
+pub use csv_table::{CsvError, Expected};
+pub use exr::{ExrError, RadianceFile, read_radiance, write_radiance};
+pub use image::{ImageError, decode_frame, encode_png, encode_tiff};
+pub use toml_text::{TomlError, parse_toml};

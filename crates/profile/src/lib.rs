@@ -1,1 +1,37 @@
-//! beamspot profile.
+//! From a merged picture of a beam spot to its radial profile and its total.
+//!
+//! The white reference sets the scale ([`reference_scale`]), the spot's centre is found
+//! ([`find_center`]), and the picture is averaged over rings ([`radial_profile`]) or read along
+//! a line ([`slice_profile`]), each value with the standard uncertainty that the pixels'
+//! variances give it. Nothing is extrapolated: the total is the sum inside the largest full
+//! circle.
+//!
+//! A ring's value is the mean over its *area* of the exitance that the pixels saw, that is of
+//! R_d smeared by the beam and by one pixel's square.
+//!
+//! Positions are in px, column then row; the middle of the first pixel is at (0, 0).
+//!
+//! This crate fits nothing and corrects for no beam width, stray light or tilted view.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`center`] | [`find_center`] |
+//! | [`radial`] | [`radial_profile`] |
+//! | [`mod@slice`] | [`slice_profile`] |
+//! | [`scale`] | [`reference_scale`] |
+//! | [`error`] | [`ProfileError`] |
+
+pub mod center;
+mod curve;
+pub mod error;
+pub mod radial;
+mod rings;
+pub mod scale;
+pub mod slice;
+mod survey;
+
+pub use center::find_center;
+pub use error::ProfileError;
+pub use radial::{Measured, ProfileOptions, radial_profile};
+pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
+pub use slice::slice_profile;

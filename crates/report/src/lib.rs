@@ -1,1 +1,29 @@
-//! beamspot report.
+//! Shows a measurement to a person: figures, tables and one page that holds them all.
+//!
+//! Everything is text made in memory, for the caller to write. What comes out depends on what goes
+//! in and on nothing else: no clock, no host, no path. Figures are plain SVG; the page is one HTML
+//! file without script, and needs no network.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `number` | [`uncertain`]: a value and its uncertainty, rounded as they should be |
+//! | `table` | [`text_table`]: aligned columns for a terminal |
+//! | `channel` | [`ChannelReport`]: what is shown of one channel, and what follows from its fit |
+//! | `axis` | scales and ticks |
+//! | `markup` | text from outside made safe; symbols raised and lowered |
+//! | `figure` | [`figure_svg`]: profile, fit and residuals |
+//! | `page` | [`Report`] and [`report_html`] |
+
+mod axis;
+mod channel;
+mod figure;
+mod markup;
+mod number;
+mod page;
+mod table;
+
+pub use channel::{ChannelReport, CurvePoint};
+pub use figure::figure_svg;
+pub use number::{at_least, at_most, significant, uncertain};
+pub use page::{Input, Report, report_html};
+pub use table::text_table;

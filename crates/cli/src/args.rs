@@ -1,0 +1,277 @@
+//! What was typed.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Recovers the absorption and reduced scattering coefficients of translucent materials from
+/// photographs of a beam spot.
+///
+/// Lengths are mm, coefficients mm^-1. Exit code 0 done, 1 a fault of ours, 2 wrong usage,
+/// 3 the input cannot be used, 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "beamspot", version, propagate_version = true)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Options of every command.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Common {
+    /// Print one JSON document on standard output and nothing else.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Replace outputs that exist (never an input).
+    #[arg(long, global = true)]
+    pub(crate) force: bool,
+    /// Worker threads; every processor by default. Results do not depend on it.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// The whole job with nothing given: a synthetic capture of marble, measured from its files.
+    Demo(DemoArgs),
+    /// A synthetic capture: frames, darks, reference, capture.toml and truth.json.
+    Synth(SynthArgs),
+    /// The main job: frames to materials.
+    Measure(MeasureArgs),
+    /// Merges the frames of a capture into one radiance map.
+    Hdr(HdrArgs),
+    /// Radial profile and total of a capture or a radiance map.
+    Profile(ProfileArgs),
+    /// Fits the coefficients to a radial profile.
+    Fit(FitArgs),
+    /// Material tables.
+    #[command(subcommand)]
+    Table(TableCommand),
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot demo -o demo")]
+pub(crate) struct DemoArgs {
+    /// Folder to write; a fresh one beside you when left out.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot synth --material marble --seed 7 -o capture\n  beamspot measure capture/capture.toml -o result"
+)]
+pub(crate) struct SynthArgs {
+    /// A material of Jensen's table (`beamspot table show` lists them).
+    #[arg(long, value_name = "NAME", required_unless_present = "medium", conflicts_with = "medium")]
+    pub(crate) material: Option<String>,
+    /// A file with material, eta and coefficients of each channel.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) medium: Option<PathBuf>,
+    /// Model that makes the light: dipole or jensen2001.
+    #[arg(long, default_value = "dipole", value_name = "MODEL")]
+    pub(crate) model: String,
+    /// Camera, beam and reference as TOML; a laboratory's by default.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) camera: Option<PathBuf>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(crate) seed: u64,
+    /// Folder to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+}
+
+/// How to fit.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct FitChoice {
+    /// Model: dipole (exact F_dr) or jensen2001 (the paper's rational fit).
+    #[arg(long, default_value = "dipole", value_name = "MODEL")]
+    pub(crate) model: String,
+    /// What the total reflectance does.
+    #[arg(long, value_enum, default_value_t = ConstraintArg::Joint)]
+    pub(crate) constraint: ConstraintArg,
+    /// First and last radius, mm; by default from 2/(sigma_a + sigma_s') outward, clear of the
+    /// beam.
+    #[arg(long, value_name = "MIN:MAX", value_parser = range)]
+    pub(crate) range: Option<(f64, f64)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ConstraintArg {
+    /// The total is exact, as in the paper.
+    Exact,
+    /// The total is one more datum, and shares its scale with the profile.
+    Joint,
+    /// The profile alone.
+    None,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot measure capture/capture.toml -o result")]
+pub(crate) struct MeasureArgs {
+    /// Manifests.
+    #[arg(required = true, value_name = "CAPTURE.toml")]
+    pub(crate) captures: Vec<PathBuf>,
+    /// Folder to write; with several captures, one folder for each inside it.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) fit: FitChoice,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot hdr capture/capture.toml -o radiance.exr")]
+pub(crate) struct HdrArgs {
+    /// Manifest.
+    #[arg(value_name = "CAPTURE.toml")]
+    pub(crate) capture: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "RADIANCE.exr")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot profile radiance.exr -o profile.csv")]
+pub(crate) struct ProfileArgs {
+    /// A manifest, or a radiance map that `beamspot hdr` wrote.
+    #[arg(value_name = "CAPTURE.toml|RADIANCE.exr")]
+    pub(crate) input: PathBuf,
+    /// File to write; totals.csv goes beside it.
+    #[arg(short, long, value_name = "PROFILE.csv")]
+    pub(crate) output: PathBuf,
+    /// The paper's one-dimensional slice through the spot instead of rings.
+    #[arg(long)]
+    pub(crate) slice: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  beamspot fit result/profile.csv --eta 1.5\n  beamspot fit curve.csv --eta 1.4 --total G=0.79+-0.01 --u-scale 0.01 --range 1:15"
+)]
+pub(crate) struct FitArgs {
+    /// The profile; totals.csv beside it is read unless --total is given.
+    #[arg(value_name = "PROFILE.csv")]
+    pub(crate) profile: PathBuf,
+    /// Relative refractive index of the sample.
+    #[arg(long, value_name = "X")]
+    pub(crate) eta: f64,
+    /// Total reflectance over the whole plane of one channel: G=0.79±0.01 (or +-).
+    #[arg(long, value_name = "CHANNEL=R±U", value_parser = total)]
+    pub(crate) total: Vec<TotalArg>,
+    /// Relative standard uncertainty of the scale that profile and total share; that of
+    /// totals.csv by default, 0 with --total.
+    #[arg(long, value_name = "U")]
+    pub(crate) u_scale: Option<f64>,
+    /// Whether the beam lost its specular part on entry; false: the paper's mode.
+    #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub(crate) entry_loss: bool,
+    /// File to write, as `measure` writes it.
+    #[arg(short, long, value_name = "FIT.json")]
+    pub(crate) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) fit: FitChoice,
+}
+
+/// A total typed on the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct TotalArg {
+    pub(crate) channel: String,
+    pub(crate) value: f64,
+    pub(crate) u: f64,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TableCommand {
+    /// Prints tables with what follows from them; Jensen's table without a file.
+    #[command(after_help = "Example:\n  beamspot table show result/materials.csv")]
+    Show {
+        /// csv or json files.
+        #[arg(value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+    /// Converts a table.
+    #[command(after_help = "Example:\n  beamspot table convert materials.csv --to json -o materials.json")]
+    Convert {
+        /// csv or json file.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Format to write.
+        #[arg(long, value_enum)]
+        to: TableFormat,
+        /// File to write.
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+    /// Joins tables; one material and channel with two sets of numbers is refused.
+    #[command(after_help = "Example:\n  beamspot table merge a/materials.csv b/materials.csv -o all.csv")]
+    Merge {
+        /// csv or json files.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        /// csv file to write.
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+    /// Recomputes total reflectance and names the rows whose own column does not follow; Jensen's
+    /// table without a file.
+    #[command(after_help = "Example:\n  beamspot table check result/materials.csv")]
+    Check {
+        /// csv or json files.
+        #[arg(value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TableFormat {
+    Csv,
+    Json,
+}
+
+fn range(text: &str) -> Result<(f64, f64), String> {
+    let expected = || format!("expected MIN:MAX in mm, as 0.8:15, got `{text}`");
+    let (low, high) = text.split_once(':').ok_or_else(expected)?;
+    let number = |part: &str| part.trim().parse::<f64>().map_err(|_| expected());
+    let (low, high) = (number(low)?, number(high)?);
+    if low >= 0.0 && low < high && high.is_finite() { Ok((low, high)) } else { Err(expected()) }
+}
+
+fn total(text: &str) -> Result<TotalArg, String> {
+    let expected = || format!("expected CHANNEL=R±U, as G=0.79±0.01 or G=0.79+-0.01, got `{text}`");
+    let (channel, numbers) = text.split_once('=').ok_or_else(expected)?;
+    let (value, u) =
+        numbers.split_once('±').or_else(|| numbers.split_once("+-")).ok_or_else(expected)?;
+    let number = |part: &str| part.trim().parse::<f64>().map_err(|_| expected());
+    let (value, u) = (number(value)?, number(u)?);
+    if channel.is_empty() || !(value > 0.0 && value.is_finite() && u >= 0.0 && u.is_finite()) {
+        return Err(expected());
+    }
+    Ok(TotalArg { channel: channel.trim().to_owned(), value, u })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_grammar_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn totals_and_ranges_are_read_or_explained() {
+        let expected = TotalArg { channel: "G".to_owned(), value: 0.79, u: 0.01 };
+        assert_eq!(total("G=0.79±0.01"), Ok(expected.clone()));
+        assert_eq!(total("G=0.79+-0.01"), Ok(expected));
+        for bad in ["0.79±0.01", "G=0.79", "G=x±0.1", "=0.7±0.1", "G=-1±0.1", "G=0.5±NaN"] {
+            assert!(total(bad).unwrap_err().contains(bad), "{bad}");
+        }
+        assert_eq!(range("0.8:15"), Ok((0.8, 15.0)));
+        for bad in ["0.8", "2:1", "a:b", "-1:3", "1:inf"] {
+            assert!(range(bad).unwrap_err().contains(bad), "{bad}");
+        }
+    }
+}

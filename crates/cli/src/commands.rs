@@ -1,0 +1,11 @@
+//! One file per command.
+
+pub(crate) mod demo;
+pub(crate) mod fit;
+pub(crate) mod hdr;
+pub(crate) mod measure;
+pub(crate) mod profile;
+pub(crate) mod synth;
+pub(crate) mod table;
+
+mod print;

@@ -1,0 +1,116 @@
+//! `beamspot fit`
+
+use super::print;
+use crate::args::{Common, FitArgs};
+use ::fit::{Constraint, Fit};
+use ::profile::Exit;
+use physics::TotalReflectance;
+use physics::footprint::Beam;
+use pipeline::capture::Input;
+use pipeline::error::Blame;
+use pipeline::files::{Outputs, read, split};
+use pipeline::fit_json::FitDocument;
+use pipeline::fitting::{self, Given};
+use pipeline::{Error, Kind, Result};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Fits every channel of a profile.
+pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Result<()> {
+    let bytes = read(&args.profile)?;
+    let place = args.profile.display().to_string();
+    let profiles = formats::profile_csv::read(&bytes[..]).input(&place)?;
+    let mut inputs = vec![Input::named_by_itself(&args.profile, &bytes)];
+    let totals = totals(args, &mut inputs)?;
+    for total in &totals {
+        if !profiles.iter().any(|p| p.channel == total.channel) {
+            let names: Vec<&str> = profiles.iter().map(|p| p.channel.as_str()).collect();
+            let message = format!(
+                "a total is given for channel {}, and {place} has {}",
+                total.channel,
+                names.join(", ")
+            );
+            return Err(Error::new(Kind::Usage, message));
+        }
+    }
+
+    let mut constraint = Constraint::from(args.fit.constraint);
+    let mut notes = vec![];
+    if totals.is_empty() && constraint != Constraint::None {
+        if constraint == Constraint::Exact {
+            let message = "--constraint exact needs a total: give --total CHANNEL=R±U, or put \
+                           totals.csv beside the profile";
+            return Err(Error::new(Kind::Usage, message));
+        }
+        constraint = Constraint::None;
+        notes.push(
+            "no total was given, by --total or in totals.csv beside the profile: fitted without \
+             (--constraint none)"
+                .to_owned(),
+        );
+    }
+    let given = Given {
+        model: args.fit.model.clone(),
+        constraint,
+        range_mm: args.fit.range,
+        eta: args.eta,
+        u_eta: 0.0,
+        entry_loss: args.entry_loss,
+        cos_beam: 1.0,
+        exit: Exit::Lambert,
+        u_length_relative: 0.0,
+        beam: Beam::Point,
+        u_fwhm_mm: 0.0,
+        pixel_mm: 0.0,
+    };
+    let fits = profiles
+        .iter()
+        .map(|profile| {
+            let total = totals.iter().find(|t| t.channel == profile.channel);
+            let u_scale = args.u_scale.or(total.map(|t| t.u_scale_relative)).unwrap_or(0.0);
+            fitting::fit_channel(profile, total, u_scale, &given).map_err(|e| e.within(&place))
+        })
+        .collect::<Result<Vec<Fit>>>()?;
+
+    let document =
+        FitDocument::new(&fits, None, args.eta, &given.model, constraint, &inputs, &notes);
+    if let Some(path) = &args.output {
+        let (folder, name) = split(path)?;
+        let paths: Vec<PathBuf> = inputs.iter().map(|i| i.path.clone()).collect();
+        let outputs = Outputs::new(&folder, [&name], &paths, common.force)?;
+        outputs.write(&name, |out| Ok(out.write_all(document.to_json()?.as_bytes())?))?;
+        outputs.commit()?;
+    }
+    if common.json {
+        return print::json(out, &document);
+    }
+    for note in &notes {
+        print::line(out, note)?;
+    }
+    print::fits(out, &fits)
+}
+
+/// Totals from the command line, or from the file beside the profile.
+fn totals(args: &FitArgs, inputs: &mut Vec<Input>) -> Result<Vec<TotalReflectance>> {
+    if !args.total.is_empty() {
+        return Ok(args
+            .total
+            .iter()
+            .map(|t| TotalReflectance {
+                channel: t.channel.clone(),
+                total_reflectance: t.value,
+                u_total_reflectance: t.u,
+                radius_max_mm: None,
+                u_scale_relative: 0.0,
+            })
+            .collect());
+    }
+    let path = args.profile.with_file_name("totals.csv");
+    if !path.exists() {
+        return Ok(vec![]);
+    }
+    let bytes = read(&path)?;
+    let totals = formats::totals_csv::read(&bytes[..]).input(path.display())?;
+    inputs.push(Input::named_by_itself(&path, &bytes));
+    Ok(totals)
+}

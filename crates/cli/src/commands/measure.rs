@@ -1,0 +1,111 @@
+//! `beamspot measure`
+
+use super::print;
+use crate::args::{Common, FitChoice, MeasureArgs};
+use physics::Material;
+use pipeline::files::Outputs;
+use pipeline::fit_json::{FitDocument, SCHEMA_VERSION};
+use pipeline::measure::{self, Choices, Measurement};
+use pipeline::{Monitor, Result, capture, outputs};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+impl From<&FitChoice> for Choices {
+    fn from(choice: &FitChoice) -> Self {
+        Self {
+            model: choice.model.clone(),
+            constraint: choice.constraint.into(),
+            range_mm: choice.range,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Document {
+    schema_version: u32,
+    captures: Vec<FitDocument>,
+}
+
+/// Measures captures, one after the other, and writes what each gives.
+pub(crate) fn run(
+    args: &MeasureArgs,
+    common: Common,
+    monitor: &dyn Monitor,
+    out: &mut impl Write,
+) -> Result<()> {
+    let choices = Choices::from(&args.fit);
+    let loaded =
+        args.captures.iter().map(|path| capture::load(path)).collect::<Result<Vec<_>>>()?;
+    let folders = folders(args, &loaded);
+    let mut documents = vec![];
+    let mut tables: Vec<Vec<Material>> = vec![];
+    // Refuse what is in the way before a minute of merging, not after.
+    let collected = (loaded.len() > 1)
+        .then(|| Outputs::new(&args.output, ["materials.csv"], &[], common.force))
+        .transpose()?;
+    for (loaded, folder) in loaded.iter().zip(&folders) {
+        let files = outputs::open(loaded, folder, common.force)?;
+        let measurement = measure::measure(loaded, &choices, monitor)?;
+        outputs::write(files, loaded, &measurement)?;
+        if !common.json {
+            summary(out, &measurement, folder)?;
+        }
+        documents.push(measurement.document());
+        tables.push(measurement.materials);
+    }
+    if let Some(collected) = collected {
+        let rows = tables.concat();
+        collected.write("materials.csv", |out| Ok(formats::materials_csv::write(&rows, out)?))?;
+        collected.commit()?;
+    }
+    if !common.json {
+        return Ok(());
+    }
+    match documents.pop() {
+        Some(only) if documents.is_empty() => print::json(out, &only),
+        last => {
+            documents.extend(last);
+            print::json(out, &Document { schema_version: SCHEMA_VERSION, captures: documents })
+        }
+    }
+}
+
+/// One capture goes into the folder itself, several into one each, called by their material.
+fn folders(args: &MeasureArgs, loaded: &[capture::Loaded]) -> Vec<PathBuf> {
+    if let [_] = loaded {
+        return vec![args.output.clone()];
+    }
+    let mut used: BTreeMap<String, u32> = BTreeMap::new();
+    loaded
+        .iter()
+        .map(|l| {
+            let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+            let name: String = l.capture.material.chars().map(safe).collect();
+            let count = used.entry(name.to_lowercase()).or_default();
+            *count += 1;
+            args.output.join(if *count > 1 { format!("{name}-{count}") } else { name })
+        })
+        .collect()
+}
+
+/// What a person wants to see first.
+pub(crate) fn summary(
+    out: &mut impl Write,
+    measurement: &Measurement,
+    folder: &Path,
+) -> Result<()> {
+    let given = &measurement.given;
+    let constraint = pipeline::fit_json::constraint_name(given.constraint);
+    let material = &measurement.material;
+    print::line(
+        out,
+        format!("{material}, eta {}, model {}, constraint {constraint}", given.eta, given.model),
+    )?;
+    print::fits(out, &measurement.fits)?;
+    for assumption in &measurement.assumptions {
+        print::line(out, format!("note: {assumption}"))?;
+    }
+    print::line(out, format!("wrote {}", folder.join("report.html").display()))
+}

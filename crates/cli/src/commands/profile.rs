@@ -1,0 +1,178 @@
+//! `beamspot profile`
+
+use super::print;
+use crate::args::{Common, ProfileArgs};
+use ::profile::{Measured, ProfileOptions, slice_profile};
+use physics::{RadialProfile, RadianceMap, TotalReflectance};
+use pipeline::error::Blame;
+use pipeline::files::{Outputs, read, split};
+use pipeline::{Error, Kind, Monitor, Result, capture, measure};
+use report::{text_table, uncertain};
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+#[derive(Serialize)]
+struct Document {
+    schema_version: u32,
+    output: String,
+    channels: Vec<Channel>,
+}
+
+#[derive(Serialize)]
+struct Channel {
+    channel: String,
+    center_px: [f64; 2],
+    points: usize,
+    total_reflectance: f64,
+    u_total_reflectance: f64,
+    radius_max_mm: Option<f64>,
+    u_scale_relative: f64,
+    rejected_pixels: u64,
+    unmeasured_pixels: u64,
+}
+
+/// A picture in mm⁻², and what a profile of it needs.
+struct Picture {
+    map: RadianceMap,
+    u_scale_relative: Vec<f64>,
+    mm_per_pixel: f64,
+    center_px: Option<[f64; 2]>,
+}
+
+/// Writes the profile of a capture or a radiance map, and its totals beside it.
+pub(crate) fn run(
+    args: &ProfileArgs,
+    common: Common,
+    monitor: &dyn Monitor,
+    out: &mut impl Write,
+) -> Result<()> {
+    let (folder, name) = split(&args.output)?;
+    let is_map = args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    let totals_name = PathBuf::from("totals.csv");
+    let open = |inputs: &[PathBuf]| {
+        Outputs::new(&folder, [&name, &totals_name], inputs, common.force)
+    };
+    let (picture, outputs) = if is_map {
+        let outputs = open(std::slice::from_ref(&args.input))?;
+        (from_map(args)?, outputs)
+    } else {
+        let loaded = capture::load(&args.input)?;
+        let outputs = open(&loaded.paths())?;
+        (from_capture(&loaded, monitor)?, outputs)
+    };
+    let place = args.input.display();
+    let measured = measure::profiles(
+        &picture.map,
+        &picture.u_scale_relative,
+        picture.mm_per_pixel,
+        picture.center_px,
+    )
+    .map_err(|e| e.within(&place))?;
+    let profiles = if args.slice {
+        slices(&picture, &measured).map_err(|e| e.within(&place))?
+    } else {
+        measured.iter().map(|m| m.profile.clone()).collect()
+    };
+    let totals: Vec<TotalReflectance> = measured.iter().map(|m| m.total.clone()).collect();
+    outputs.write(&name, |out| Ok(formats::profile_csv::write(&profiles, out)?))?;
+    outputs.write(&totals_name, |out| Ok(formats::totals_csv::write(&totals, out)?))?;
+    outputs.commit()?;
+    print_summary(args, common, &measured, &profiles, out)
+}
+
+fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Picture> {
+    let radiance = measure::radiance(loaded, monitor)?;
+    Ok(Picture {
+        u_scale_relative: radiance.scales.iter().map(|s| s.u_relative).collect(),
+        map: radiance.map,
+        mm_per_pixel: loaded.capture.geometry.mm_per_pixel,
+        center_px: loaded.capture.geometry.center_px,
+    })
+}
+
+fn from_map(args: &ProfileArgs) -> Result<Picture> {
+    let place = args.input.display();
+    let file = formats::read_radiance(&read(&args.input)?).input(&place)?;
+    let missing = |what: &str| Error::new(Kind::Input, format!("{place}: {what}"));
+    if file.scale.is_empty() {
+        return Err(missing(
+            "the map is in DN/s; expected one that a white reference has scaled to mm^-2, as \
+             `beamspot hdr` writes it",
+        ));
+    }
+    let mm_per_pixel = file.mm_per_pixel.ok_or_else(|| {
+        missing("attribute `beamspot.mm_per_pixel` is missing; make the file with `beamspot hdr`")
+    })?;
+    Ok(Picture {
+        u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
+        map: file.map,
+        mm_per_pixel,
+        center_px: None,
+    })
+}
+
+fn slices(picture: &Picture, measured: &[Measured]) -> Result<Vec<RadialProfile>> {
+    let RadianceMap { width, height, ref channels } = picture.map;
+    channels
+        .iter()
+        .zip(measured)
+        .map(|(channel, m)| {
+            let options = ProfileOptions {
+                mm_per_pixel: picture.mm_per_pixel,
+                center_px: Some(m.center_px),
+                ..ProfileOptions::default()
+            };
+            slice_profile(channel, width, height, &options)
+                .map(|m| m.profile)
+                .input(format!("channel {}", channel.name))
+        })
+        .collect()
+}
+
+fn print_summary(
+    args: &ProfileArgs,
+    common: Common,
+    measured: &[Measured],
+    profiles: &[RadialProfile],
+    out: &mut impl Write,
+) -> Result<()> {
+    let output = args.output.display().to_string();
+    if common.json {
+        let channels = measured
+            .iter()
+            .zip(profiles)
+            .map(|(m, profile)| Channel {
+                channel: m.total.channel.clone(),
+                center_px: m.center_px,
+                points: profile.points.len(),
+                total_reflectance: m.total.total_reflectance,
+                u_total_reflectance: m.total.u_total_reflectance,
+                radius_max_mm: m.total.radius_max_mm,
+                u_scale_relative: m.total.u_scale_relative,
+                rejected_pixels: m.rejected_pixels,
+                unmeasured_pixels: m.unmeasured_pixels,
+            })
+            .collect();
+        let schema_version = pipeline::fit_json::SCHEMA_VERSION;
+        return print::json(out, &Document { schema_version, output, channels });
+    }
+    let header = ["channel", "centre [px]", "points", "total inside", "within [mm]", "u(scale)", "rejected"];
+    let rows: Vec<Vec<String>> = measured
+        .iter()
+        .zip(profiles)
+        .map(|(m, profile)| {
+            vec![
+                m.total.channel.clone(),
+                format!("{:.2}, {:.2}", m.center_px[0], m.center_px[1]),
+                profile.points.len().to_string(),
+                uncertain(m.total.total_reflectance, m.total.u_total_reflectance),
+                m.total.radius_max_mm.map_or("all".to_owned(), |r| format!("{r:.2}")),
+                format!("{:.2} %", 100.0 * m.total.u_scale_relative),
+                m.rejected_pixels.to_string(),
+            ]
+        })
+        .collect();
+    print::line(out, text_table(&header, &rows).trim_end())?;
+    print::line(out, format!("wrote {output}, and totals.csv beside it"))
+}

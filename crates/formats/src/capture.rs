@@ -1,0 +1,340 @@
+//! `capture.toml`: which frames show what, exposed how long, and what is known of the set-up.
+//!
+//! What may be left out is an [`Option`], so that a report can tell what was stated from what
+//! was assumed; [`Capture::assumptions`] lists the latter.
+
+mod check;
+mod write;
+
+pub use check::{CaptureError, parse_capture};
+
+use physics::ReducedMedium;
+use serde::{Deserialize, Serialize};
+
+/// Standard uncertainty of a relative index that is given without one.
+pub const DEFAULT_U_ETA: f64 = 0.01;
+/// Relative standard uncertainty of `mm_per_pixel` given without one.
+pub const DEFAULT_U_MM_PER_PIXEL_RELATIVE: f64 = 0.005;
+/// Relative standard uncertainty of a beam's width given without one.
+pub const DEFAULT_U_FWHM_RELATIVE: f64 = 0.05;
+/// Standard uncertainty of the white's reflectance given without one.
+pub const DEFAULT_U_REFLECTANCE: f64 = 0.01;
+/// Index of the white reference itself (sintered PTFE) where none is given.
+pub const DEFAULT_REFERENCE_ETA: f64 = 1.3;
+
+/// A capture: the frames of a sample and of a white reference, and the set-up they share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Capture {
+    /// Name of the material.
+    pub material: String,
+    /// Index of the sample over that of its surroundings, in [1, 5].
+    pub eta: f64,
+    /// Standard uncertainty of `eta`; [`DEFAULT_U_ETA`] where absent.
+    pub u_eta: Option<f64>,
+    /// Pixels in millimetres.
+    pub geometry: Geometry,
+    /// The beam.
+    #[serde(default)]
+    pub beam: Beam,
+    /// The camera.
+    #[serde(default)]
+    pub camera: Camera,
+    /// Choices of the measurement model.
+    #[serde(default)]
+    pub model: Model,
+    /// The frames of the sample.
+    pub sample: Sample,
+    /// The frames of the white reference.
+    pub reference: Reference,
+}
+
+/// `[geometry]`: pixels in millimetres.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Geometry {
+    /// Length on the sample that a pixel sees, mm.
+    pub mm_per_pixel: f64,
+    /// Its standard uncertainty, mm; [`DEFAULT_U_MM_PER_PIXEL_RELATIVE`] where absent.
+    pub u_mm_per_pixel: Option<f64>,
+    /// Column and row of the beam, pixels, (0, 0) the middle of the first pixel; found from the
+    /// image where absent.
+    pub center_px: Option<[f64; 2]>,
+}
+
+/// Shape of the beam on the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BeamProfile {
+    /// A Gaussian, `fwhm_mm` wide at half of its maximum.
+    #[default]
+    Gaussian,
+    /// Uniform inside a circle of diameter `fwhm_mm`.
+    Disk,
+}
+
+/// `[beam]`: the light that falls on the sample.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Beam {
+    /// Full width at half maximum, mm; 0, the default, is a point.
+    pub fwhm_mm: f64,
+    /// Its standard uncertainty, mm; [`DEFAULT_U_FWHM_RELATIVE`] where absent.
+    pub u_fwhm_mm: Option<f64>,
+    /// Its shape.
+    pub profile: BeamProfile,
+    /// Angle between beam and surface normal, degrees; default 0.
+    pub angle_deg: f64,
+}
+
+/// How counts follow light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Response {
+    /// In proportion.
+    Linear,
+}
+
+/// `[camera]`: what is absent is estimated from the frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Camera {
+    /// Angle between line of sight and surface normal, degrees; default 0.
+    pub angle_deg: f64,
+    /// Electrons per count.
+    pub gain_e_per_dn: Option<f64>,
+    /// Standard deviation of one read-out, electrons.
+    pub read_noise_e: Option<f64>,
+    /// Count that no light gives.
+    pub black_level_dn: Option<f64>,
+    /// Count at and above which a sample is saturated.
+    pub white_level_dn: Option<f64>,
+    /// Standard deviation of the pixels' relative sensitivity; default 0.
+    pub prnu_relative: f64,
+    /// The response; linear where absent.
+    pub response: Option<Response>,
+}
+
+/// How radiance at the camera's angle becomes exitance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Exit {
+    /// By the Fresnel transmission of diffuse light.
+    #[default]
+    Fresnel,
+    /// As from a Lambertian surface: the paper's mode.
+    Lambert,
+}
+
+/// `[model]`: choices of the measurement model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Model {
+    /// Whether only 1 − R_specular of the beam enters (default), or all of it: the paper's mode.
+    pub entry_loss: bool,
+    /// How radiance becomes exitance.
+    pub exit: Exit,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            entry_loss: true,
+            exit: Exit::Fresnel,
+        }
+    }
+}
+
+/// One frame: a file and its exposure time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameEntry {
+    /// The file, relative to the folder of the manifest.
+    pub file: String,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+}
+
+impl FrameEntry {
+    /// Whether the other frame was exposed as long, rounding of the manifest aside.
+    pub fn same_exposure(&self, other: &Self) -> bool {
+        (self.exposure_s - other.exposure_s).abs() <= 1e-9 * self.exposure_s
+    }
+}
+
+/// `[sample]`: the frames of the sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sample {
+    /// Thickness, mm; semi-infinite where absent.
+    pub thickness_mm: Option<f64>,
+    /// Frames with the beam on.
+    pub frames: Vec<FrameEntry>,
+    /// Frames with the beam blocked, at least one at each exposure of `frames`.
+    pub dark: Vec<FrameEntry>,
+}
+
+/// A number for all channels, or one for each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number, or a list with one number for each channel"
+)]
+pub enum PerChannel {
+    /// The same for all.
+    All(f64),
+    /// In the order of the camera: R, G, B.
+    Each(Vec<f64>),
+}
+
+impl PerChannel {
+    /// All the numbers there are.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Self::All(value) => std::slice::from_ref(value),
+            Self::Each(values) => values,
+        }
+    }
+
+    /// The number of channel `index`.
+    fn of(&self, index: usize) -> Option<f64> {
+        match self {
+            Self::All(value) => Some(*value),
+            Self::Each(values) => values.get(index).copied(),
+        }
+    }
+}
+
+/// `[reference]`: the frames of a white diffuser in place of the sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Its total diffuse reflectance.
+    pub reflectance: f64,
+    /// Standard uncertainty of `reflectance`; [`DEFAULT_U_REFLECTANCE`] where absent.
+    pub u_reflectance: Option<f64>,
+    /// Reduced scattering coefficient σₛ′ of the white itself, mm⁻¹; an ideal surface where
+    /// absent.
+    pub sigma_s_prime_per_mm: Option<PerChannel>,
+    /// Absorption coefficient σₐ of the white itself, mm⁻¹.
+    pub sigma_a_per_mm: Option<PerChannel>,
+    /// Relative index of the white itself; [`DEFAULT_REFERENCE_ETA`] where absent.
+    pub eta: Option<f64>,
+    /// Frames with the beam on.
+    pub frames: Vec<FrameEntry>,
+    /// Frames with the beam blocked, at least one at each exposure of `frames`.
+    pub dark: Vec<FrameEntry>,
+}
+
+/// A number that the manifest left out and a default stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assumption {
+    /// The field, as in `reference.u_reflectance`.
+    pub field: &'static str,
+    /// The value assumed, in the unit of the field.
+    pub value: f64,
+}
+
+impl Capture {
+    /// Standard uncertainty of `eta`, stated or by default.
+    pub fn u_eta(&self) -> f64 {
+        self.u_eta.unwrap_or(DEFAULT_U_ETA)
+    }
+
+    /// Every default that stands for a number left out.
+    ///
+    /// What the camera leaves out is not assumed but estimated, and not listed.
+    pub fn assumptions(&self) -> Vec<Assumption> {
+        let (beam, reference) = (&self.beam, &self.reference);
+        let white = reference.sigma_s_prime_per_mm.is_some();
+        [
+            (self.u_eta.is_none(), "u_eta", self.u_eta()),
+            (
+                self.geometry.u_mm_per_pixel.is_none(),
+                "geometry.u_mm_per_pixel",
+                self.geometry.u_mm_per_pixel(),
+            ),
+            (
+                beam.u_fwhm_mm.is_none() && beam.fwhm_mm > 0.0,
+                "beam.u_fwhm_mm",
+                beam.u_fwhm_mm(),
+            ),
+            (
+                reference.u_reflectance.is_none(),
+                "reference.u_reflectance",
+                reference.u_reflectance(),
+            ),
+            (
+                white && reference.eta.is_none(),
+                "reference.eta",
+                reference.eta(),
+            ),
+        ]
+        .into_iter()
+        .filter(|(assumed, ..)| *assumed)
+        .map(|(_, field, value)| Assumption { field, value })
+        .collect()
+    }
+}
+
+impl Geometry {
+    /// Standard uncertainty of `mm_per_pixel`, mm, stated or by default.
+    pub fn u_mm_per_pixel(&self) -> f64 {
+        self.u_mm_per_pixel
+            .unwrap_or(DEFAULT_U_MM_PER_PIXEL_RELATIVE * self.mm_per_pixel)
+    }
+}
+
+impl Beam {
+    /// Standard uncertainty of `fwhm_mm`, mm, stated or by default.
+    pub fn u_fwhm_mm(&self) -> f64 {
+        self.u_fwhm_mm
+            .unwrap_or(DEFAULT_U_FWHM_RELATIVE * self.fwhm_mm)
+    }
+}
+
+impl Reference {
+    /// Standard uncertainty of `reflectance`, stated or by default.
+    pub fn u_reflectance(&self) -> f64 {
+        self.u_reflectance.unwrap_or(DEFAULT_U_REFLECTANCE)
+    }
+
+    /// Relative index of the white, stated or by default.
+    pub fn eta(&self) -> f64 {
+        self.eta.unwrap_or(DEFAULT_REFERENCE_ETA)
+    }
+
+    /// The white as a medium that glows, in channel `index` of `channels`; `None` for an ideal
+    /// surface.
+    ///
+    /// # Errors
+    ///
+    /// [`CaptureError::PerChannel`] where a list has a number for some channels only.
+    pub fn medium(
+        &self,
+        index: usize,
+        channels: usize,
+    ) -> Result<Option<ReducedMedium>, CaptureError> {
+        let (Some(absorption), Some(scattering)) =
+            (&self.sigma_a_per_mm, &self.sigma_s_prime_per_mm)
+        else {
+            return Ok(None);
+        };
+        let of = |field: &'static str, list: &PerChannel| {
+            let found = list.values().len();
+            let fits = matches!(list, PerChannel::All(_)) || found == channels;
+            list.of(index)
+                .filter(|_| fits)
+                .ok_or(CaptureError::PerChannel {
+                    field,
+                    found,
+                    channels,
+                })
+        };
+        Ok(Some(ReducedMedium {
+            sigma_a: of("reference.sigma_a_per_mm", absorption)?,
+            sigma_s_prime: of("reference.sigma_s_prime_per_mm", scattering)?,
+            eta: self.eta(),
+        }))
+    }
+}

@@ -1,0 +1,678 @@
+//! The door through which a manifest enters.
+
+use super::{Capture, FrameEntry, PerChannel};
+use crate::toml_text::{TomlError, parse_toml};
+use std::collections::BTreeMap;
+use std::ops::{Bound, RangeBounds};
+use thiserror::Error;
+use toml::{Table, Value};
+
+/// A manifest cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CaptureError {
+    /// A list with one number for each channel has too few or too many.
+    #[error(
+        "field `{field}`: found {found} numbers; expected one for all channels, or one for each of the {channels}"
+    )]
+    PerChannel {
+        /// The field.
+        field: &'static str,
+        /// Numbers in the list.
+        found: usize,
+        /// Channels of the frames.
+        channels: usize,
+    },
+    /// The text does not fit.
+    #[error(transparent)]
+    Toml(#[from] TomlError),
+    /// Something that the manifest may say one day.
+    #[error("field `{field}` is not supported yet: {instead}")]
+    NotSupported {
+        /// The field.
+        field: String,
+        /// What to write in its place.
+        instead: &'static str,
+    },
+    /// A number outside its domain.
+    #[error("field `{field}`: found {found}, expected {expected}")]
+    Value {
+        /// The field, as in `sample.frames[3].exposure_s`.
+        field: String,
+        /// The number found.
+        found: f64,
+        /// Its domain and what to check.
+        expected: &'static str,
+    },
+    /// A name that is empty.
+    #[error("field `{field}`: found an empty text; expected a name")]
+    EmptyText {
+        /// The field.
+        field: String,
+    },
+    /// A list without a frame.
+    #[error("field `{field}`: found no frame; expected at least one {{ file, exposure_s }}")]
+    NoFrames {
+        /// The field.
+        field: &'static str,
+    },
+    /// A frame without a dark of its exposure.
+    #[error(
+        "field `{field}`: no dark for {file}, exposed {exposure_s} s; there are darks of {} s: \
+         add one of {exposure_s} s, taken with the beam blocked",
+        available_s.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+    )]
+    NoDark {
+        /// The field that lacks a dark.
+        field: &'static str,
+        /// File of the frame.
+        file: String,
+        /// Its exposure time, s.
+        exposure_s: f64,
+        /// Exposure times of the darks there are, s.
+        available_s: Vec<f64>,
+    },
+    /// One file in two places.
+    #[error(
+        "field `{field}`: {file} stands in `{before}` already; expected each file once (a dark \
+         may serve sample and reference)"
+    )]
+    RepeatedFile {
+        /// The second place.
+        field: String,
+        /// The first place.
+        before: String,
+        /// The file.
+        file: String,
+    },
+    /// Black and white level out of order.
+    #[error(
+        "field `camera.white_level_dn`: found {white_dn}, expected above black_level_dn = \
+         {black_dn}"
+    )]
+    Levels {
+        /// Black level, DN.
+        black_dn: f64,
+        /// White level, DN.
+        white_dn: f64,
+    },
+    /// One coefficient of the white without the other.
+    #[error(
+        "field `reference.{missing}` is missing: the white glows by both coefficients; give both \
+         or neither"
+    )]
+    HalfAWhite {
+        /// The one that is missing.
+        missing: &'static str,
+    },
+}
+
+/// The capture that `text` describes, checked.
+///
+/// ```
+/// let capture = formats::parse_capture(r#"
+///     material = "marble"
+///     eta = 1.5
+///     [geometry]
+///     mm_per_pixel = 0.05
+///     [sample]
+///     frames = [ { file = "sample_01.tif", exposure_s = 0.001 } ]
+///     dark   = [ { file = "dark_01.tif",  exposure_s = 0.001 } ]
+///     [reference]
+///     reflectance = 0.99
+///     frames = [ { file = "white_01.tif", exposure_s = 0.001 } ]
+///     dark   = [ { file = "dark_01.tif",  exposure_s = 0.001 } ]
+/// "#)?;
+/// assert_eq!(capture.u_eta(), formats::capture::DEFAULT_U_ETA);
+/// assert!(capture.model.entry_loss);
+/// # Ok::<(), formats::CaptureError>(())
+/// ```
+///
+/// # Errors
+///
+/// [`CaptureError`] names the field of the first fault.
+pub fn parse_capture(text: &str) -> Result<Capture, CaptureError> {
+    // A text that is no TOML at all is reported by the second pass, which shows the line.
+    if let Ok(table) = text.parse::<Table>() {
+        refuse_unsupported(&table)?;
+    }
+    let capture: Capture = parse_toml(text)?;
+    capture.check()?;
+    Ok(capture)
+}
+
+/// What other versions of the manifest may say, and what to write today.
+fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
+    let refuse = |field: String, instead| Err(CaptureError::NotSupported { field, instead });
+    for (section, key, instead) in [
+        (
+            "geometry",
+            "corners_px",
+            "give mm_per_pixel of a camera that looks along the normal",
+        ),
+        (
+            "geometry",
+            "corners_mm",
+            "give mm_per_pixel of a camera that looks along the normal",
+        ),
+        ("model", "g", "leave it out; the dipole does not use it"),
+    ] {
+        if table.get(section).and_then(|s| s.get(key)).is_some() {
+            return refuse(format!("{section}.{key}"), instead);
+        }
+    }
+    if table.get("channel").is_some() {
+        return refuse(
+            "channel".to_owned(),
+            "give gray or RGB frames; channels follow from them",
+        );
+    }
+    let response = table
+        .get("camera")
+        .and_then(|c| c.get("response"))
+        .and_then(Value::as_str);
+    if response == Some("recover") {
+        let instead = "linearise the frames and give response = \"linear\"";
+        return refuse("camera.response".to_owned(), instead);
+    }
+    for section in ["sample", "reference"] {
+        for list in ["frames", "dark"] {
+            match table.get(section).and_then(|s| s.get(list)) {
+                Some(Value::String(_)) => {
+                    let instead = "list each frame as { file = \"…\", exposure_s = … } instead";
+                    return refuse(format!("{section}.{list}"), instead);
+                }
+                Some(Value::Array(frames)) => {
+                    if let Some(i) = frames.iter().position(|f| f.get("wavelength_nm").is_some()) {
+                        let instead = "give one capture for each wavelength instead";
+                        return refuse(format!("{section}.{list}[{i}].wavelength_nm"), instead);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+fn within(
+    field: impl Into<String>,
+    found: Option<f64>,
+    domain: impl RangeBounds<f64>,
+    expected: &'static str,
+) -> Result<(), CaptureError> {
+    match found {
+        // NaN is in no range; infinity is in those without an end.
+        Some(found) if !(found.is_finite() && domain.contains(&found)) => {
+            Err(CaptureError::Value {
+                field: field.into(),
+                found,
+                expected,
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
+const POSITIVE: (Bound<f64>, Bound<f64>) = (Bound::Excluded(0.0), Bound::Unbounded);
+
+impl Capture {
+    fn check(&self) -> Result<(), CaptureError> {
+        const U: &str = "a standard uncertainty of at least 0, or leave it out for the default";
+        const ANGLE: &str = "an angle from the normal of at least 0 and below 90 degrees";
+        const INDEX: &str = "a relative refractive index from 1 to 5, as 1.3 for a wet tissue";
+        const LEVEL: &str = "a count of at least 0";
+        let Self {
+            geometry,
+            beam,
+            camera,
+            sample,
+            reference,
+            ..
+        } = self;
+        if self.material.is_empty() {
+            return Err(CaptureError::EmptyText {
+                field: "material".to_owned(),
+            });
+        }
+        within("eta", Some(self.eta), 1.0..=5.0, INDEX)?;
+        within("u_eta", self.u_eta, 0.0.., U)?;
+        let length = "a length above 0 mm: what one pixel sees of the sample";
+        within(
+            "geometry.mm_per_pixel",
+            Some(geometry.mm_per_pixel),
+            POSITIVE,
+            length,
+        )?;
+        within("geometry.u_mm_per_pixel", geometry.u_mm_per_pixel, 0.0.., U)?;
+        for (index, pixel) in geometry.center_px.iter().flatten().enumerate() {
+            let expected = "a position of at least 0 pixels, [column, row]";
+            within(
+                format!("geometry.center_px[{index}]"),
+                Some(*pixel),
+                0.0..,
+                expected,
+            )?;
+        }
+        let width = "a width of at least 0 mm, where 0 is a point";
+        within("beam.fwhm_mm", Some(beam.fwhm_mm), 0.0.., width)?;
+        within("beam.u_fwhm_mm", beam.u_fwhm_mm, 0.0.., U)?;
+        within("beam.angle_deg", Some(beam.angle_deg), 0.0..90.0, ANGLE)?;
+        within("camera.angle_deg", Some(camera.angle_deg), 0.0..90.0, ANGLE)?;
+        let gain = "electrons per count, above 0, or leave it out to have it estimated";
+        within("camera.gain_e_per_dn", camera.gain_e_per_dn, POSITIVE, gain)?;
+        let noise = "electrons, at least 0, or leave it out to have it estimated";
+        within("camera.read_noise_e", camera.read_noise_e, 0.0.., noise)?;
+        within("camera.black_level_dn", camera.black_level_dn, 0.0.., LEVEL)?;
+        within("camera.white_level_dn", camera.white_level_dn, 0.0.., LEVEL)?;
+        let prnu = "a relative spread of at least 0 and below 1, as 0.01";
+        within(
+            "camera.prnu_relative",
+            Some(camera.prnu_relative),
+            0.0..1.0,
+            prnu,
+        )?;
+        if let (Some(black_dn), Some(white_dn)) = (camera.black_level_dn, camera.white_level_dn)
+            && white_dn <= black_dn
+        {
+            return Err(CaptureError::Levels { black_dn, white_dn });
+        }
+        let thickness = "a thickness above 0 mm, or leave it out for a semi-infinite sample";
+        within(
+            "sample.thickness_mm",
+            sample.thickness_mm,
+            POSITIVE,
+            thickness,
+        )?;
+        let share = "a share above 0 and at most 1.05, as 0.99 for a white of 99 %";
+        let whites = (Bound::Excluded(0.0), Bound::Included(1.05));
+        within(
+            "reference.reflectance",
+            Some(reference.reflectance),
+            whites,
+            share,
+        )?;
+        within("reference.u_reflectance", reference.u_reflectance, 0.0.., U)?;
+        within("reference.eta", reference.eta, 1.0..=5.0, INDEX)?;
+        let scattering = "a coefficient above 0 mm^-1";
+        let white = reference.sigma_s_prime_per_mm.as_ref();
+        for value in white.map_or(&[][..], PerChannel::values) {
+            within(
+                "reference.sigma_s_prime_per_mm",
+                Some(*value),
+                POSITIVE,
+                scattering,
+            )?;
+        }
+        let absorption = "a coefficient of at least 0 mm^-1";
+        let dark_white = reference.sigma_a_per_mm.as_ref();
+        for value in dark_white.map_or(&[][..], PerChannel::values) {
+            within("reference.sigma_a_per_mm", Some(*value), 0.0.., absorption)?;
+        }
+        match (white, dark_white) {
+            (Some(_), None) => Err(CaptureError::HalfAWhite {
+                missing: "sigma_a_per_mm",
+            }),
+            (None, Some(_)) => Err(CaptureError::HalfAWhite {
+                missing: "sigma_s_prime_per_mm",
+            }),
+            _ => self.check_frames(),
+        }
+    }
+
+    fn check_frames(&self) -> Result<(), CaptureError> {
+        let (sample, reference) = (&self.sample, &self.reference);
+        let mut seen: BTreeMap<&str, (String, &str)> = BTreeMap::new();
+        for (list, frames) in [
+            ("sample.frames", &sample.frames),
+            ("sample.dark", &sample.dark),
+            ("reference.frames", &reference.frames),
+            ("reference.dark", &reference.dark),
+        ] {
+            if frames.is_empty() {
+                return Err(CaptureError::NoFrames { field: list });
+            }
+            for (index, frame) in frames.iter().enumerate() {
+                let field = format!("{list}[{index}].exposure_s");
+                let expected = "an exposure time above 0 s";
+                within(field, Some(frame.exposure_s), POSITIVE, expected)?;
+                let field = format!("{list}[{index}].file");
+                if frame.file.is_empty() {
+                    return Err(CaptureError::EmptyText { field });
+                }
+                if let Some((before, first_list)) = seen.get(frame.file.as_str())
+                    && !(list == "reference.dark" && *first_list == "sample.dark")
+                {
+                    let (before, file) = (before.clone(), frame.file.clone());
+                    return Err(CaptureError::RepeatedFile {
+                        field,
+                        before,
+                        file,
+                    });
+                }
+                seen.insert(&frame.file, (field, list));
+            }
+        }
+        every_frame_has_a_dark("sample.dark", &sample.frames, &sample.dark)?;
+        every_frame_has_a_dark("reference.dark", &reference.frames, &reference.dark)
+    }
+}
+
+fn every_frame_has_a_dark(
+    field: &'static str,
+    frames: &[FrameEntry],
+    dark: &[FrameEntry],
+) -> Result<(), CaptureError> {
+    match frames
+        .iter()
+        .find(|frame| !dark.iter().any(|d| frame.same_exposure(d)))
+    {
+        None => Ok(()),
+        Some(frame) => Err(CaptureError::NoDark {
+            field,
+            file: frame.file.clone(),
+            exposure_s: frame.exposure_s,
+            available_s: dark.iter().map(|d| d.exposure_s).collect(),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BeamProfile, Exit};
+    use super::*;
+
+    /// The manifest of the product page, its ellipses filled in.
+    const GOOD: &str = r#"material = "marble"
+eta = 1.5
+u_eta = 0.01
+
+[geometry]
+mm_per_pixel = 0.05
+u_mm_per_pixel = 0.0002
+center_px = [512.0, 384.0]
+
+[beam]
+fwhm_mm = 0.3
+u_fwhm_mm = 0.02
+profile = "disk"
+angle_deg = 10
+
+[camera]
+angle_deg = 0
+gain_e_per_dn = 0.5
+read_noise_e = 4
+black_level_dn = 64
+white_level_dn = 65000
+prnu_relative = 0.01
+response = "linear"
+
+[model]
+entry_loss = false
+exit = "lambert"
+
+[sample]
+thickness_mm = 10
+frames = [
+  { file = "sample_01.tif", exposure_s = 0.001 },
+  { file = "sample_02.tif", exposure_s = 0.002 },
+]
+dark   = [
+  { file = "dark_01.tif",  exposure_s = 0.001 },
+  { file = "dark_02.tif",  exposure_s = 0.002 },
+]
+
+[reference]
+reflectance = 0.99
+u_reflectance = 0.005
+sigma_s_prime_per_mm = 11.6
+sigma_a_per_mm = 0
+eta = 1.35
+frames = [ { file = "white_01.tif", exposure_s = 0.004 } ]
+dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
+"#;
+
+    fn message(from: &str, to: &str) -> String {
+        assert!(GOOD.contains(from), "{from}");
+        parse_capture(&GOOD.replacen(from, to, 1))
+            .unwrap_err()
+            .to_string()
+    }
+
+    #[test]
+    fn every_documented_key_arrives() {
+        let capture = parse_capture(GOOD).unwrap();
+        assert_eq!(capture.eta, 1.5);
+        assert_eq!(capture.geometry.center_px, Some([512.0, 384.0]));
+        assert_eq!(capture.beam.profile, BeamProfile::Disk);
+        assert_eq!(capture.camera.white_level_dn, Some(65000.0));
+        assert_eq!(
+            (capture.model.entry_loss, capture.model.exit),
+            (false, Exit::Lambert)
+        );
+        assert_eq!(capture.sample.dark[1].exposure_s, 0.002);
+        let white = capture.reference.medium(0, 1).unwrap().unwrap();
+        assert_eq!(
+            (white.sigma_s_prime, white.sigma_a, white.eta),
+            (11.6, 0.0, 1.35)
+        );
+        assert!(capture.assumptions().is_empty());
+    }
+
+    #[test]
+    fn the_white_has_one_number_for_all_channels_or_one_for_each() {
+        let text = GOOD.replace("= 11.6", "= [11.6, 20.4, 14.9]");
+        let capture = parse_capture(&text).unwrap();
+        assert_eq!(parse_capture(&capture.to_toml()).unwrap(), capture);
+        let white = |index, channels| capture.reference.medium(index, channels);
+        let green = white(1, 3).unwrap().unwrap();
+        assert_eq!((green.sigma_s_prime, green.sigma_a), (20.4, 0.0));
+        assert_eq!(
+            white(0, 1).unwrap_err().to_string(),
+            "field `reference.sigma_s_prime_per_mm`: found 3 numbers; expected one for all \
+             channels, or one for each of the 1"
+        );
+        assert!(message("= 11.6", "= [11.6, 0]").contains("sigma_s_prime_per_mm`: found 0"));
+    }
+
+    #[test]
+    fn what_is_left_out_is_told() {
+        let text = GOOD
+            .lines()
+            .filter(|line| !line.starts_with("u_") && !line.starts_with("eta = 1.35"))
+            .collect::<Vec<_>>()
+            .join("\n");
+        let capture = parse_capture(&text).unwrap();
+        let assumed: Vec<_> = capture
+            .assumptions()
+            .into_iter()
+            .map(|a| (a.field, a.value))
+            .collect();
+        let expected = [
+            ("u_eta", 0.01),
+            ("geometry.u_mm_per_pixel", 0.00025),
+            ("beam.u_fwhm_mm", 0.015),
+            ("reference.u_reflectance", 0.01),
+            ("reference.eta", 1.3),
+        ];
+        assert_eq!(assumed, expected);
+    }
+
+    #[test]
+    fn a_number_outside_its_domain_names_its_field() {
+        let cases = [
+            ("eta = 1.5", "eta = 0.9", "field `eta`: found 0.9"),
+            ("eta = 1.5", "eta = nan", "field `eta`: found NaN"),
+            (
+                "u_eta = 0.01",
+                "u_eta = -0.01",
+                "field `u_eta`: found -0.01",
+            ),
+            (
+                "l = 0.05",
+                "l = 0",
+                "field `geometry.mm_per_pixel`: found 0",
+            ),
+            ("[512.0,", "[-3,", "field `geometry.center_px[0]`: found -3"),
+            (
+                "fwhm_mm = 0.3",
+                "fwhm_mm = inf",
+                "field `beam.fwhm_mm`: found inf",
+            ),
+            (
+                "angle_deg = 10",
+                "angle_deg = 90",
+                "field `beam.angle_deg`: found 90",
+            ),
+            (
+                "gain_e_per_dn = 0.5",
+                "gain_e_per_dn = 0",
+                "field `camera.gain_e_per_dn`: found 0",
+            ),
+            (
+                "white_level_dn = 65000",
+                "white_level_dn = 64",
+                "above black_level_dn = 64",
+            ),
+            (
+                "thickness_mm = 10",
+                "thickness_mm = -1",
+                "field `sample.thickness_mm`: found -1",
+            ),
+            (
+                "s = 0.002",
+                "s = 0",
+                "field `sample.frames[1].exposure_s`: found 0",
+            ),
+            (
+                "s = 0.002",
+                "s = nan",
+                "field `sample.frames[1].exposure_s`: found NaN",
+            ),
+            (
+                "s = 0.002",
+                "s = -1.5",
+                "field `sample.frames[1].exposure_s`: found -1.5",
+            ),
+            (
+                "reflectance = 0.99",
+                "reflectance = 99",
+                "field `reference.reflectance`: found 99",
+            ),
+            (
+                "sigma_a_per_mm = 0",
+                "",
+                "field `reference.sigma_a_per_mm` is missing",
+            ),
+        ];
+        for (from, to, expected) in cases {
+            let found = message(from, to);
+            assert!(found.contains(expected), "{to}: {found}");
+        }
+    }
+
+    #[test]
+    fn faults_in_the_lists_of_frames_are_named() {
+        let found = message(
+            "dark_02.tif\",  exposure_s = 0.002",
+            "dark_02.tif\", exposure_s = 2",
+        );
+        assert_eq!(
+            found,
+            "field `sample.dark`: no dark for sample_02.tif, exposed 0.002 s; there are darks of \
+             0.001, 2 s: add one of 0.002 s, taken with the beam blocked"
+        );
+        let found = message("[ { file = \"white_01.tif\", exposure_s = 0.004 } ]", "[]");
+        assert!(
+            found.contains("field `reference.frames`: found no frame"),
+            "{found}"
+        );
+        let found = message("sample_02", "sample_01");
+        assert!(
+            found.contains("`sample.frames[1].file`: sample_01.tif stands in"),
+            "{found}"
+        );
+        // A dark may serve both, but the beam is on in a frame.
+        assert!(
+            parse_capture(
+                &GOOD
+                    .replace("exposure_s = 0.004", "exposure_s = 0.002")
+                    .replace("dark_04", "dark_02")
+            )
+            .is_ok()
+        );
+        assert!(message("white_01", "dark_02").contains("stands in `sample.dark[1].file`"));
+    }
+
+    #[test]
+    fn unknown_and_future_keys_are_told_apart() {
+        let cases = [
+            (
+                "mm_per_pixel",
+                "mm_per_pixl",
+                "line 6: unknown key `mm_per_pixl`, did you mean `mm_",
+            ),
+            (
+                "[camera]",
+                "[kamera]",
+                "unknown key `kamera`, did you mean `camera`",
+            ),
+            ("u_eta", "u_n", "line 3: unknown key `u_n`"),
+            (
+                "\"linear\"",
+                "\"recover\"",
+                "field `camera.response` is not supported yet",
+            ),
+            (
+                "center_px",
+                "corners_px",
+                "field `geometry.corners_px` is not supported yet",
+            ),
+            (
+                "[model]",
+                "[model]\ng = 0.8",
+                "field `model.g` is not supported yet",
+            ),
+            (
+                "[ { file = \"white_01.tif\", exposure_s = 0.004 } ]",
+                "\"white/*.tif\"",
+                "field `reference.frames` is not supported yet: list each frame",
+            ),
+            (
+                "exposure_s = 0.004 }",
+                "exposure_s = 0.004, wavelength_nm = 550 }",
+                "field `reference.frames[0].wavelength_nm` is not supported yet",
+            ),
+            (
+                "exit = \"lambert\"",
+                "exit = \"lamberd\"",
+                "unknown variant `lamberd`",
+            ),
+            ("eta = 1.5", "", "missing field `eta`"),
+            ("eta = 1.5", "eta = ", "line 2"),
+        ];
+        for (from, to, expected) in cases {
+            let found = message(from, to);
+            assert!(found.contains(expected), "{to}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_manifest_written_is_read_back() {
+        let full = parse_capture(GOOD).unwrap();
+        assert_eq!(parse_capture(&full.to_toml()).unwrap(), full);
+        let mut bare = full;
+        bare.material = "a \"quoted\"\nname ä".to_owned();
+        bare.sample.frames[0].file = "dir\\frame \"1\".tif".to_owned();
+        bare.geometry.center_px = None;
+        bare.beam = Default::default();
+        bare.camera = Default::default();
+        bare.model = Default::default();
+        bare.reference.sigma_a_per_mm = None;
+        bare.reference.sigma_s_prime_per_mm = None;
+        bare.sample.thickness_mm = None;
+        bare.sample.frames[0].exposure_s = 1e-7;
+        bare.sample.dark[0].exposure_s = 1e-7;
+        assert_eq!(parse_capture(&bare.to_toml()).unwrap(), bare);
+    }
+}

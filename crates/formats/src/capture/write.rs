@@ -1,0 +1,126 @@
+//! A manifest as a person would write it: a frame a line, and only what is stated.
+
+use super::{Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel};
+use crate::toml_text::quoted;
+use std::fmt::Write;
+
+impl Capture {
+    /// The text of the manifest; it reads back to an equal [`Capture`].
+    pub fn to_toml(&self) -> String {
+        let Self {
+            geometry,
+            beam,
+            camera,
+            model,
+            sample,
+            reference,
+            ..
+        } = self;
+        let mut text = Text(String::new());
+        text.line("material", quoted(&self.material));
+        text.number("eta", self.eta);
+        text.optional("u_eta", self.u_eta);
+
+        text.section("geometry");
+        text.number("mm_per_pixel", geometry.mm_per_pixel);
+        text.optional("u_mm_per_pixel", geometry.u_mm_per_pixel);
+        if let Some([column, row]) = geometry.center_px {
+            text.line("center_px", format!("[{column:?}, {row:?}]"));
+        }
+        if *beam != Beam::default() {
+            text.section("beam");
+            text.number("fwhm_mm", beam.fwhm_mm);
+            text.optional("u_fwhm_mm", beam.u_fwhm_mm);
+            let profile = match beam.profile {
+                BeamProfile::Gaussian => "gaussian",
+                BeamProfile::Disk => "disk",
+            };
+            text.line("profile", quoted(profile));
+            text.number("angle_deg", beam.angle_deg);
+        }
+        if *camera != Camera::default() {
+            text.section("camera");
+            text.number("angle_deg", camera.angle_deg);
+            text.optional("gain_e_per_dn", camera.gain_e_per_dn);
+            text.optional("read_noise_e", camera.read_noise_e);
+            text.optional("black_level_dn", camera.black_level_dn);
+            text.optional("white_level_dn", camera.white_level_dn);
+            text.number("prnu_relative", camera.prnu_relative);
+            if camera.response.is_some() {
+                text.line("response", quoted("linear"));
+            }
+        }
+        if *model != Model::default() {
+            text.section("model");
+            text.line("entry_loss", model.entry_loss.to_string());
+            let exit = match model.exit {
+                Exit::Fresnel => "fresnel",
+                Exit::Lambert => "lambert",
+            };
+            text.line("exit", quoted(exit));
+        }
+
+        text.section("sample");
+        text.optional("thickness_mm", sample.thickness_mm);
+        text.frames("frames", &sample.frames);
+        text.frames("dark", &sample.dark);
+
+        text.section("reference");
+        text.number("reflectance", reference.reflectance);
+        text.optional("u_reflectance", reference.u_reflectance);
+        text.per_channel(
+            "sigma_s_prime_per_mm",
+            reference.sigma_s_prime_per_mm.as_ref(),
+        );
+        text.per_channel("sigma_a_per_mm", reference.sigma_a_per_mm.as_ref());
+        text.optional("eta", reference.eta);
+        text.frames("frames", &reference.frames);
+        text.frames("dark", &reference.dark);
+        text.0
+    }
+}
+
+struct Text(String);
+
+impl Text {
+    fn section(&mut self, name: &str) {
+        self.0.push_str("\n[");
+        self.0.push_str(name);
+        self.0.push_str("]\n");
+    }
+
+    fn line(&mut self, key: &str, value: impl AsRef<str>) {
+        for part in [key, " = ", value.as_ref(), "\n"] {
+            self.0.push_str(part);
+        }
+    }
+
+    fn number(&mut self, key: &str, value: f64) {
+        self.line(key, format!("{value:?}"));
+    }
+
+    fn optional(&mut self, key: &str, value: Option<f64>) {
+        if let Some(value) = value {
+            self.number(key, value);
+        }
+    }
+
+    fn per_channel(&mut self, key: &str, value: Option<&PerChannel>) {
+        match value {
+            None => {}
+            Some(PerChannel::All(value)) => self.number(key, *value),
+            Some(PerChannel::Each(values)) => self.line(key, format!("{values:?}")),
+        }
+    }
+
+    fn frames(&mut self, key: &str, frames: &[FrameEntry]) {
+        let list = frames.iter().fold("[\n".to_owned(), |mut list, frame| {
+            let FrameEntry { file, exposure_s } = frame;
+            let file = quoted(file);
+            // Writing to a String cannot fail.
+            let _ = writeln!(list, "  {{ file = {file}, exposure_s = {exposure_s:?} }},");
+            list
+        });
+        self.line(key, list + "]");
+    }
+}

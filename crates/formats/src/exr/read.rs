@@ -1,0 +1,332 @@
+//! Reading, by the `exr` crate: other programs may have compressed or tiled the file since.
+
+use super::{
+    CHANNELS, COUNTS_PER_SECOND, ChannelScale, ExrError, MM_PER_PIXEL, PER_SQUARE_MILLIMETRE,
+    PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE,
+};
+use exr::compression::Compression;
+use exr::image::FlatSamples;
+use exr::image::read::image::ReadLayers;
+use exr::image::read::layers::ReadChannels;
+use exr::math::Vec2;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, Text};
+use physics::{ChannelMap, RadianceMap};
+use std::collections::{BTreeMap, HashMap};
+use std::io::Cursor;
+
+/// No codec of the format packs more tightly than Deflate, 1032 bytes into one, and the
+/// lossy ones are worth nothing to us.
+const LARGEST_RATIO: usize = 1100;
+
+/// The radiance map in `bytes`, as [`write_radiance`](super::write_radiance) wrote it, whatever
+/// lossless compression it went through since.
+///
+/// # Errors
+///
+/// [`ExrError`] names the attribute, the layer or the pixel.
+pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
+    check_header(bytes)?;
+    let mut image = exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))?;
+    let layer = &mut image.layer_data;
+    let attributes = Attributes(&layer.attributes.other);
+    let size = layer.size;
+    let names: Vec<String> = layer
+        .channel_data
+        .list
+        .iter()
+        .map(|l| text(&l.name))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    let mut layers: BTreeMap<String, FlatSamples> = BTreeMap::new();
+    for (name, layer) in names.iter().zip(layer.channel_data.list.drain(..)) {
+        layers.insert(name.clone(), layer.sample_data);
+    }
+    let mut take = |name: String| match layers.remove(&name) {
+        Some(FlatSamples::F32(samples)) => Ok((name, samples)),
+        _ => Err(ExrError::Layer {
+            name,
+            found: names.clone(),
+        }),
+    };
+
+    let order = attributes.texts(CHANNELS, "the names of the channels")?;
+    let mut channels = Vec::with_capacity(order.len());
+    for name in order {
+        let (name, value) = take(name)?;
+        let (variance_name, variance) = take(format!("{name}{VARIANCE}"))?;
+        check_pixels(&name, size, &value, f32::is_finite, "a finite number")?;
+        let expected = "a number of at least 0, or infinity";
+        check_pixels(&variance_name, size, &variance, |v| v >= 0.0, expected)?;
+        channels.push(ChannelMap {
+            name,
+            value,
+            variance,
+        });
+    }
+    if channels.is_empty() {
+        return Err(attribute(CHANNELS, "the name of at least one channel"));
+    }
+    let scale = match attributes.text(UNIT, "`DN/s` or `mm^-2`")?.as_str() {
+        COUNTS_PER_SECOND => Vec::new(),
+        PER_SQUARE_MILLIMETRE => channels
+            .iter()
+            .map(|channel| {
+                let name = format!("{U_SCALE}{}", channel.name);
+                let expected = "the relative uncertainty of the scale, at least 0";
+                let u_scale_relative = attributes
+                    .number(&name, expected)?
+                    .filter(|u| *u >= 0.0)
+                    .ok_or_else(|| attribute(&name, expected))?;
+                Ok(ChannelScale {
+                    channel: channel.name.clone(),
+                    u_scale_relative,
+                })
+            })
+            .collect::<Result<_, ExrError>>()?,
+        _ => return Err(attribute(UNIT, "`DN/s` or `mm^-2`")),
+    };
+    let expected = "a length above 0 mm";
+    let mm_per_pixel = match attributes.number(MM_PER_PIXEL, expected)? {
+        Some(length) if length <= 0.0 => return Err(attribute(MM_PER_PIXEL, expected)),
+        length => length,
+    };
+    Ok(RadianceFile {
+        map: RadianceMap {
+            width: size.width(),
+            height: size.height(),
+            channels,
+        },
+        mm_per_pixel,
+        scale,
+        provenance: attributes.provenance()?,
+    })
+}
+
+/// Refuses what the decoder would allocate for, or panic at, before it is asked.
+fn check_header(bytes: &[u8]) -> Result<(), ExrError> {
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
+    let [header] = meta.headers.as_slice() else {
+        return Err(ExrError::Layout("made of several parts"));
+    };
+    if header.deep {
+        return Err(ExrError::Layout("deep"));
+    }
+    if header
+        .channels
+        .list
+        .iter()
+        .any(|channel| channel.sampling != Vec2(1, 1))
+    {
+        return Err(ExrError::Layout("subsampled"));
+    }
+    let Vec2(width, height) = header.layer_size;
+    let ratio = match header.compression {
+        Compression::Uncompressed => 1,
+        _ => LARGEST_RATIO,
+    };
+    let fits = width
+        .checked_mul(height)
+        .and_then(|pixels| pixels.checked_mul(header.channels.bytes_per_pixel))
+        .is_some_and(|size| size <= bytes.len().saturating_mul(ratio));
+    if fits {
+        Ok(())
+    } else {
+        Err(ExrError::Oversized {
+            width,
+            height,
+            bytes: bytes.len(),
+        })
+    }
+}
+
+fn check_pixels(
+    layer: &str,
+    Vec2(width, _): Vec2<usize>,
+    samples: &[f32],
+    good: fn(f32) -> bool,
+    expected: &'static str,
+) -> Result<(), ExrError> {
+    match samples.iter().position(|sample| !good(*sample)) {
+        None => Ok(()),
+        Some(at) => Err(ExrError::Pixel {
+            layer: layer.to_owned(),
+            column: at % width,
+            row: at / width,
+            found: samples[at],
+            expected,
+        }),
+    }
+}
+
+fn attribute(name: &str, expected: &'static str) -> ExrError {
+    ExrError::Attribute {
+        name: name.to_owned(),
+        expected,
+    }
+}
+
+/// The bytes as UTF-8, as we write them; the crate's own conversion takes them for Latin-1.
+fn text(bytes: &Text) -> Option<String> {
+    String::from_utf8(bytes.as_slice().to_vec()).ok()
+}
+
+struct Attributes<'a>(&'a HashMap<Text, AttributeValue>);
+
+impl Attributes<'_> {
+    fn get(&self, name: &str) -> Option<&AttributeValue> {
+        self.0.get(name.as_bytes())
+    }
+
+    fn text(&self, name: &str, expected: &'static str) -> Result<String, ExrError> {
+        match self.get(name) {
+            Some(AttributeValue::Text(value)) => text(value),
+            _ => None,
+        }
+        .ok_or_else(|| attribute(name, expected))
+    }
+
+    fn texts(&self, name: &str, expected: &'static str) -> Result<Vec<String>, ExrError> {
+        match self.get(name) {
+            Some(AttributeValue::TextVector(values)) => values.iter().map(text).collect(),
+            _ => None,
+        }
+        .ok_or_else(|| attribute(name, expected))
+    }
+
+    fn number(&self, name: &str, expected: &'static str) -> Result<Option<f64>, ExrError> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(AttributeValue::F64(value)) if value.is_finite() => Ok(Some(*value)),
+            Some(_) => Err(attribute(name, expected)),
+        }
+    }
+
+    fn provenance(&self) -> Result<BTreeMap<String, String>, ExrError> {
+        let notes = self.0.iter().filter_map(|(name, value)| {
+            let name = text(name)?;
+            Some((name.strip_prefix(PROVENANCE)?.to_owned(), value))
+        });
+        notes
+            .map(|(key, value)| {
+                match value {
+                    AttributeValue::Text(value) => text(value).map(|value| (key.clone(), value)),
+                    _ => None,
+                }
+                .ok_or_else(|| attribute(&format!("{PROVENANCE}{key}"), "a text in UTF-8"))
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{bytes, sample};
+    use super::*;
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, Image, Layer, LayerAttributes, WritableImage,
+    };
+
+    /// The same layers written by the `exr` crate, with any attributes.
+    fn foreign(encoding: Encoding, attributes: LayerAttributes) -> Vec<u8> {
+        let list = sample().map.channels.into_iter().flat_map(|channel| {
+            let variance = format!("{}.variance", channel.name);
+            [
+                AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.value)),
+                AnyChannel::new(variance.as_str(), FlatSamples::F32(channel.variance)),
+            ]
+        });
+        let channels = AnyChannels::sort(list.collect());
+        let image = Image::from_layer(Layer::new((3, 2), attributes, encoding, channels));
+        let mut out = Cursor::new(Vec::new());
+        image.write().non_parallel().to_buffered(&mut out).unwrap();
+        out.into_inner()
+    }
+
+    #[test]
+    fn a_file_recompressed_elsewhere_still_reads() {
+        let ours = bytes(&sample());
+        let meta = MetaData::read_from_buffered(Cursor::new(&ours), true).unwrap();
+        let attributes = meta.headers[0].own_attributes.clone();
+        let compressed = foreign(Encoding::SMALL_LOSSLESS, attributes);
+        assert_eq!(read_radiance(&compressed).unwrap(), sample());
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let mut attributes = LayerAttributes::default();
+        let mut message = |name: &str, value: AttributeValue| {
+            let found = read_radiance(&foreign(Encoding::UNCOMPRESSED, attributes.clone()))
+                .unwrap_err()
+                .to_string();
+            attributes.other.insert(Text::from(name), value);
+            found
+        };
+        let names = |names: &[&str]| {
+            AttributeValue::TextVector(names.iter().map(|name| Text::from(*name)).collect())
+        };
+        let found = message(CHANNELS, names(&["G", "Z"]));
+        assert!(
+            found.starts_with("attribute `beamspot.channels`: expected"),
+            "{found}"
+        );
+        let found = message(CHANNELS, names(&["G"]));
+        assert!(
+            found.contains("no 32-bit float layer `Z`; found B, B.variance, G"),
+            "{found}"
+        );
+        let found = message(UNIT, AttributeValue::Text(Text::from("mm^-2")));
+        assert!(
+            found.starts_with("attribute `beamspot.unit`: expected"),
+            "{found}"
+        );
+        let found = message(&format!("{U_SCALE}G"), AttributeValue::F64(0.01));
+        assert!(
+            found.starts_with("attribute `beamspot.u_scale_relative.G`"),
+            "{found}"
+        );
+        let found = read_radiance(&foreign(Encoding::UNCOMPRESSED, attributes)).unwrap();
+        assert_eq!(found.map.channels, sample().map.channels[1..2]);
+    }
+
+    #[test]
+    fn a_pixel_that_no_merge_makes_is_named() {
+        let mut file = sample();
+        file.map.channels[1].value[4] = f32::NAN;
+        let found = read_radiance(&bytes(&file)).unwrap_err().to_string();
+        assert_eq!(
+            found,
+            "layer `G`, pixel 1, 1: found NaN, expected a finite number"
+        );
+        let mut file = sample();
+        file.map.channels[0].variance[0] = -1.0;
+        let found = read_radiance(&bytes(&file)).unwrap_err().to_string();
+        assert!(
+            found.starts_with("layer `R.variance`, pixel 0, 0: found -1"),
+            "{found}"
+        );
+    }
+
+    #[test]
+    fn a_size_that_the_bytes_cannot_hold_allocates_nothing() {
+        let mut file = bytes(&sample());
+        for name in [b"dataWindow\0box2i\0", b"displayWin\0box2i\0"] {
+            if let Some(at) = file.windows(name.len()).position(|w| w == name) {
+                let corner = at + name.len() + 4 + 8;
+                file[corner..corner + 8].copy_from_slice(&[0, 0, 0, 0x10, 0, 0, 0, 0x10]);
+            }
+        }
+        let found = read_radiance(&file).unwrap_err().to_string();
+        assert!(
+            found.contains("promises 268435457 x 268435457 pixels"),
+            "{found}"
+        );
+    }
+}

@@ -1,0 +1,329 @@
+//! TIFF frames.
+
+use super::{ImageError, LARGEST_RATIO, Oddity, sample_count, size_to_write};
+use physics::Frame;
+use std::io::{Cursor, Seek, Write};
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::encoder::{TiffEncoder, colortype};
+use tiff::tags::Tag;
+use tiff::{TiffError, TiffUnsupportedError};
+
+type Reader<'a> = Decoder<Cursor<&'a [u8]>>;
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
+    let mut reader = Decoder::new(Cursor::new(bytes)).map_err(|error| match error {
+        TiffError::UnsupportedError(TiffUnsupportedError::UnknownInterpretation) => {
+            ImageError::Odd(Oddity::Raw)
+        }
+        other => other.into(),
+    })?;
+    let channels = check_kind(&mut reader)?;
+    let (width, height) = reader.dimensions()?;
+    let stored = stored_bytes(&mut reader, bytes.len() as u64)?;
+    let ratio = match tag(&mut reader, Tag::Compression, 1)? {
+        1 => 1,
+        5 | 8 | 32946 | 32773 => LARGEST_RATIO,
+        other => return Err(ImageError::Odd(Oddity::Compression(other))),
+    };
+    let count = sample_count([width, height, channels], stored, ratio)?;
+
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = 2 * count;
+    limits.intermediate_buffer_size = bytes.len();
+    let mut reader = reader.with_limits(limits);
+    let samples = match reader.read_image()? {
+        DecodingResult::U16(samples) if samples.len() == count => samples,
+        _ => return Err(ImageError::Channels(channels)),
+    };
+    // A small copy behind the frame does no harm; a second frame would be lost.
+    while reader.more_images() {
+        reader.next_image()?;
+        if tag(&mut reader, Tag::NewSubfileType, 0)? == 0 {
+            return Err(ImageError::Odd(Oddity::ManyImages));
+        }
+    }
+    Ok(Frame {
+        width: width as usize,
+        height: height as usize,
+        channels: channels as usize,
+        samples,
+    })
+}
+
+fn tag(reader: &mut Reader<'_>, tag: Tag, default: u16) -> Result<u16, ImageError> {
+    Ok(reader.find_tag_unsigned(tag)?.unwrap_or(default))
+}
+
+/// Samples per pixel, 1 or 3, of an image that is a frame of counts.
+fn check_kind(reader: &mut Reader<'_>) -> Result<u32, ImageError> {
+    let odd = |oddity| Err(ImageError::Odd(oddity));
+    let samples = tag(reader, Tag::SamplesPerPixel, 1)?;
+    let extra = reader.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples)?;
+    let sample_format = reader.find_tag_unsigned_vec::<u16>(Tag::SampleFormat)?;
+    if tag(reader, Tag::NewSubfileType, 0)? != 0 {
+        return odd(Oddity::Thumbnail);
+    }
+    if extra.is_some_and(|extra| !extra.is_empty()) {
+        return odd(Oddity::Alpha);
+    }
+    match (tag(reader, Tag::PhotometricInterpretation, 1)?, samples) {
+        (0, _) => return odd(Oddity::WhiteIsZero),
+        (3, _) => return odd(Oddity::Palette),
+        (1, 1) | (2, 3) => {}
+        (1 | 2, other) => return Err(ImageError::Channels(other.into())),
+        (other, _) => return odd(Oddity::Photometric(other)),
+    }
+    let bits = reader
+        .find_tag_unsigned_vec::<u16>(Tag::BitsPerSample)?
+        .unwrap_or(vec![1]);
+    if let Some(other) = bits.iter().find(|bits| **bits != 16) {
+        return Err(ImageError::Depth((*other).into()));
+    }
+    if let Some(other) = sample_format.iter().flatten().find(|format| **format != 1) {
+        return odd(Oddity::SampleFormat(*other));
+    }
+    if samples > 1 && tag(reader, Tag::PlanarConfiguration, 1)? != 1 {
+        return odd(Oddity::Planar);
+    }
+    match tag(reader, Tag::FillOrder, 1)? {
+        1 => {}
+        other => return odd(Oddity::FillOrder(other)),
+    }
+    match tag(reader, Tag::Orientation, 1)? {
+        1 => Ok(samples.into()),
+        other => odd(Oddity::Orientation(other)),
+    }
+}
+
+/// Bytes of pixel data, all of them inside the file and none of them twice.
+fn stored_bytes(reader: &mut Reader<'_>, length: u64) -> Result<u64, ImageError> {
+    let mut list = |strips, tiles| {
+        let values = match reader.find_tag_unsigned_vec::<u64>(strips)? {
+            Some(values) => Some(values),
+            None => reader.find_tag_unsigned_vec::<u64>(tiles)?,
+        };
+        Ok::<_, ImageError>(values.unwrap_or_default())
+    };
+    let offsets = list(Tag::StripOffsets, Tag::TileOffsets)?;
+    let counts = list(Tag::StripByteCounts, Tag::TileByteCounts)?;
+    let mut stored = 0_u64;
+    for (offset, count) in offsets.iter().zip(&counts) {
+        let needed = offset.saturating_add(*count);
+        if needed > length {
+            return Err(ImageError::Truncated {
+                needed,
+                found: length,
+            });
+        }
+        stored = stored.saturating_add(*count);
+    }
+    // Strips that share bytes could promise any size; no camera writes them.
+    if stored > length {
+        return Err(ImageError::Truncated {
+            needed: stored,
+            found: length,
+        });
+    }
+    Ok(stored)
+}
+
+/// Writes a frame as uncompressed 16-bit TIFF.
+///
+/// # Errors
+///
+/// [`ImageError`] for a frame that contradicts itself, or what the writer reports.
+pub fn encode_tiff(frame: &Frame, out: impl Write + Seek) -> Result<(), ImageError> {
+    let (width, height) = size_to_write(frame)?;
+    let mut encoder = TiffEncoder::new(out)?;
+    if frame.channels == 1 {
+        encoder.write_image::<colortype::Gray16>(width, height, &frame.samples)?;
+    } else {
+        encoder.write_image::<colortype::RGB16>(width, height, &frame.samples)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::decode_frame;
+    use super::*;
+
+    const SHORT: u16 = 3;
+    const LONG: u16 = 4;
+
+    /// A 2 x 1 gray TIFF by the letter of the specification, with `changes` to its tags.
+    fn file(big_endian: bool, changes: &[(u16, u32)], data: &[u8]) -> Vec<u8> {
+        let mut tags = vec![
+            (256, LONG, 2),
+            (257, LONG, 1),
+            (258, SHORT, 16),
+            (259, SHORT, 1),
+            (262, SHORT, 1),
+            (273, LONG, 8),
+            (277, SHORT, 1),
+            (278, LONG, 1),
+            (279, LONG, data.len() as u32),
+        ];
+        for &(tag, value) in changes {
+            tags.retain(|t| t.0 != tag);
+            tags.push((
+                tag,
+                if tag == 256 || tag == 257 {
+                    LONG
+                } else {
+                    SHORT
+                },
+                value,
+            ));
+        }
+        tags.sort_unstable();
+        let two = |v: u16| {
+            if big_endian {
+                v.to_be_bytes()
+            } else {
+                v.to_le_bytes()
+            }
+        };
+        let four = |v: u32| {
+            if big_endian {
+                v.to_be_bytes()
+            } else {
+                v.to_le_bytes()
+            }
+        };
+        let mut out = if big_endian {
+            b"MM".to_vec()
+        } else {
+            b"II".to_vec()
+        };
+        out.extend(two(42));
+        out.extend(four(8 + data.len() as u32));
+        out.extend(data);
+        out.extend(two(tags.len() as u16));
+        for (tag, kind, value) in tags {
+            out.extend(two(tag));
+            out.extend(two(kind));
+            out.extend(four(1));
+            if kind == SHORT {
+                out.extend(two(value as u16));
+                out.extend(two(0));
+            } else {
+                out.extend(four(value));
+            }
+        }
+        out.extend(four(0));
+        out
+    }
+
+    #[test]
+    fn both_byte_orders() {
+        let little = file(false, &[], &[0x02, 0x01, 0x00, 0xff]);
+        assert_eq!(decode_frame(&little).unwrap().samples, [0x0102, 0xff00]);
+        let big = file(true, &[], &[0x01, 0x02, 0xff, 0x00]);
+        assert_eq!(decode_frame(&big).unwrap().samples, [0x0102, 0xff00]);
+    }
+
+    #[test]
+    fn what_is_no_frame_is_refused_with_its_reason() {
+        let cases = [
+            (vec![(258, 8)], "found 8 bits per sample"),
+            (vec![(258, 12)], "found 12 bits per sample"),
+            (vec![(262, 0)], "white is zero"),
+            (vec![(262, 3), (258, 8)], "palette"),
+            (vec![(262, 32803)], "undeveloped RAW"),
+            (vec![(262, 34892), (277, 3)], "undeveloped RAW"),
+            (vec![(262, 6), (277, 3)], "PhotometricInterpretation is 6"),
+            (vec![(277, 2)], "found 2 samples per pixel"),
+            (vec![(277, 2), (338, 2)], "alpha"),
+            (vec![(339, 3)], "SampleFormat is 3"),
+            (vec![(339, 2)], "SampleFormat is 2"),
+            (vec![(259, 7)], "Compression is 7"),
+            (vec![(266, 2)], "FillOrder is 2"),
+            (vec![(274, 6)], "Orientation is 6"),
+            (vec![(254, 1)], "thumbnail"),
+            (
+                vec![(257, 3), (278, 3)],
+                "promises 2 x 3 x 1 samples, which 4 bytes",
+            ),
+            (vec![(256, u32::MAX), (257, u32::MAX)], "TIFF: "),
+            (vec![(279, 400)], "cut short"),
+            (vec![(273, 40_000)], "cut short"),
+        ];
+        for (changes, expected) in cases {
+            let found = decode_frame(&file(false, &changes, &[0; 4]))
+                .unwrap_err()
+                .to_string();
+            assert!(found.contains(expected), "{expected}: {found}");
+        }
+    }
+
+    #[test]
+    fn planar_colours_are_refused_and_not_read_in_part() {
+        // Three strips, one for each plane, as a planar file has them.
+        let mut out = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut out).unwrap();
+        let mut directory = encoder.image_directory().unwrap();
+        let offsets = [1_u16, 2, 3].map(|v| directory.write_data(&[v, v][..]).unwrap() as u32);
+        for (tag, value) in [
+            (Tag::Compression, 1_u16),
+            (Tag::PhotometricInterpretation, 2),
+            (Tag::SamplesPerPixel, 3),
+            (Tag::PlanarConfiguration, 2),
+        ] {
+            directory.write_tag(tag, value).unwrap();
+        }
+        directory.write_tag(Tag::ImageWidth, 2_u32).unwrap();
+        directory.write_tag(Tag::ImageLength, 1_u32).unwrap();
+        directory.write_tag(Tag::RowsPerStrip, 1_u32).unwrap();
+        directory
+            .write_tag(Tag::BitsPerSample, &[16_u16; 3][..])
+            .unwrap();
+        directory
+            .write_tag(Tag::StripOffsets, &offsets[..])
+            .unwrap();
+        directory
+            .write_tag(Tag::StripByteCounts, &[4_u32; 3][..])
+            .unwrap();
+        directory.finish().unwrap();
+        let error = decode_frame(out.get_ref()).unwrap_err();
+        assert!(matches!(error, ImageError::Odd(Oddity::Planar)), "{error}");
+    }
+
+    #[test]
+    fn a_second_frame_is_refused_and_a_second_thumbnail_is_not() {
+        for (subfile, fine) in [(0_u32, false), (1, true)] {
+            let mut out = Cursor::new(Vec::new());
+            let mut encoder = TiffEncoder::new(&mut out).unwrap();
+            encoder
+                .write_image::<colortype::Gray16>(2, 1, &[1, 2])
+                .unwrap();
+            let mut second = encoder.new_image::<colortype::Gray16>(1, 1).unwrap();
+            second
+                .encoder()
+                .write_tag(Tag::NewSubfileType, subfile)
+                .unwrap();
+            second.write_data(&[3]).unwrap();
+            assert_eq!(decode_frame(out.get_ref()).is_ok(), fine, "{subfile}");
+        }
+    }
+
+    #[test]
+    fn compressed_counts_are_the_same_counts() {
+        use tiff::encoder::{Compression, DeflateLevel};
+        let samples: Vec<u16> = (0..4096_u32).map(|i| (i * i % 65521) as u16).collect();
+        for compression in [
+            Compression::Lzw,
+            Compression::Packbits,
+            Compression::Deflate(DeflateLevel::Fast),
+        ] {
+            let mut out = Cursor::new(Vec::new());
+            let mut encoder = TiffEncoder::new(&mut out)
+                .unwrap()
+                .with_compression(compression);
+            encoder
+                .write_image::<colortype::Gray16>(64, 64, &samples)
+                .unwrap();
+            assert_eq!(decode_frame(out.get_ref()).unwrap().samples, samples);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What the sensor shows without light.
+
+use crate::error::MergeError;
+use physics::Frame;
+
+/// Shutters repeat to far better than this; another exposure of a bracket is farther away.
+const SAME_EXPOSURE: f64 = 0.01;
+
+/// The sum of dark frames of one exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DarkFrame {
+    size: (usize, usize, usize),
+    exposure_s: f64,
+    count: u32,
+    // Whole numbers, exact in f32 for the first 256 frames of 16 bits.
+    sum: Vec<f32>,
+}
+
+impl DarkFrame {
+    /// A dark from its first frame.
+    ///
+    /// # Errors
+    ///
+    /// The exposure is not positive and finite, or the frame does not hold what its size says.
+    pub fn new(frame: &Frame, exposure_s: f64) -> Result<Self, MergeError> {
+        check_exposure(exposure_s)?;
+        check_frame(frame)?;
+        Ok(Self {
+            size: size(frame),
+            exposure_s,
+            count: 1,
+            sum: frame.samples.iter().map(|s| f32::from(*s)).collect(),
+        })
+    }
+
+    /// Adds another frame of the same exposure.
+    ///
+    /// # Errors
+    ///
+    /// [`MergeError::Size`] for a frame of another size.
+    pub fn add(&mut self, frame: &Frame) -> Result<(), MergeError> {
+        check_frame(frame)?;
+        check_size(frame, self.size)?;
+        for (sum, sample) in self.sum.iter_mut().zip(&frame.samples) {
+            *sum += f32::from(*sample);
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    /// How many frames were added up.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Their exposure, s.
+    pub fn exposure_s(&self) -> f64 {
+        self.exposure_s
+    }
+
+    /// Width, height and channels.
+    pub(crate) fn size(&self) -> (usize, usize, usize) {
+        self.size
+    }
+
+    /// The sums, DN; divided by [`Self::count`] they are the mean dark.
+    pub(crate) fn sum(&self) -> &[f32] {
+        &self.sum
+    }
+
+    /// Whether the dark serves a frame of `exposure_s`.
+    pub(crate) fn serves(&self, exposure_s: f64) -> bool {
+        same_exposure(self.exposure_s, exposure_s)
+    }
+}
+
+/// Index of the exposure among `dark_exposures_s` that serves a frame of `exposure_s`: the
+/// nearest one, which must agree within 1 %.
+///
+/// # Errors
+///
+/// [`MergeError::NoDark`] names the nearest one where none agrees.
+pub fn matching_dark(exposure_s: f64, dark_exposures_s: &[f64]) -> Result<usize, MergeError> {
+    let nearest = (0..dark_exposures_s.len()).min_by(|a, b| {
+        let distance = |i: &usize| (dark_exposures_s[*i] - exposure_s).abs();
+        distance(a).total_cmp(&distance(b))
+    });
+    nearest
+        .filter(|i| same_exposure(dark_exposures_s[*i], exposure_s))
+        .ok_or(MergeError::NoDark {
+            exposure_s,
+            nearest_s: nearest.map(|i| dark_exposures_s[i]),
+        })
+}
+
+fn same_exposure(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME_EXPOSURE * b
+}
+
+pub(crate) fn size(frame: &Frame) -> (usize, usize, usize) {
+    (frame.width, frame.height, frame.channels)
+}
+
+pub(crate) fn check_size(frame: &Frame, expected: (usize, usize, usize)) -> Result<(), MergeError> {
+    let found = size(frame);
+    if found == expected {
+        Ok(())
+    } else {
+        Err(MergeError::Size { found, expected })
+    }
+}
+
+pub(crate) fn check_frame(frame: &Frame) -> Result<(), MergeError> {
+    let (width, height, channels) = size(frame);
+    let expected = width.saturating_mul(height).saturating_mul(channels);
+    if expected == 0 {
+        Err(MergeError::EmptyFrame(width, height, channels))
+    } else if frame.samples.len() != expected {
+        Err(MergeError::Samples {
+            found: frame.samples.len(),
+            expected,
+        })
+    } else {
+        Ok(())
+    }
+}
+
+pub(crate) fn check_exposure(exposure_s: f64) -> Result<(), MergeError> {
+    if exposure_s > 0.0 && exposure_s.is_finite() {
+        Ok(())
+    } else {
+        Err(MergeError::Exposure(exposure_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_dark_must_agree() {
+        assert_eq!(matching_dark(0.5, &[0.25, 0.501, 1.0]), Ok(1));
+        assert_eq!(
+            matching_dark(0.5, &[0.25, 1.0]),
+            Err(MergeError::NoDark {
+                exposure_s: 0.5,
+                nearest_s: Some(0.25)
+            })
+        );
+        let none = matching_dark(0.5, &[]).unwrap_err();
+        assert_eq!(
+            none.to_string(),
+            "no dark frame for the exposure of 0.5 s: take one with the beam blocked"
+        );
+    }
+
+    #[test]
+    fn darks_add_up() {
+        let frame = |level: u16| Frame {
+            width: 2,
+            height: 1,
+            channels: 1,
+            samples: vec![level, 2 * level],
+        };
+        let mut dark = DarkFrame::new(&frame(100), 0.5).unwrap();
+        dark.add(&frame(103)).unwrap();
+        assert_eq!((dark.count(), dark.sum()), (2, &[203.0, 406.0][..]));
+        let other = Frame {
+            width: 1,
+            height: 2,
+            ..frame(1)
+        };
+        assert_eq!(
+            dark.add(&other),
+            Err(MergeError::Size {
+                found: (1, 2, 1),
+                expected: (2, 1, 1)
+            })
+        );
+        assert_eq!(
+            DarkFrame::new(&frame(1), f64::NAN)
+                .map(|_| ())
+                .unwrap_err()
+                .to_string(),
+            "exposure must be above 0 s and finite, got NaN s"
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! What can be wrong with a set of exposures.
+
+use thiserror::Error;
+
+/// Exposures that cannot be merged.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// A frame without pixels or channels.
+    #[error("a frame needs at least one pixel and one channel, got {0} x {1} with {2} channels")]
+    EmptyFrame(usize, usize, usize),
+    /// A number of channels that no camera of ours has.
+    #[error("a frame has 1 channel (Y) or 3 (R, G, B), got {0}")]
+    Channels(usize),
+    /// A frame is of another size than the first.
+    #[error(
+        "frame is {} x {} with {} channels, expected {} x {} with {}",
+        found.0, found.1, found.2, expected.0, expected.1, expected.2
+    )]
+    Size {
+        /// Width, height and channels of this frame.
+        found: (usize, usize, usize),
+        /// Width, height and channels of the first.
+        expected: (usize, usize, usize),
+    },
+    /// A frame holds another number of samples than its size says.
+    #[error("frame holds {found} samples, its size says {expected}")]
+    Samples {
+        /// Samples in the frame.
+        found: usize,
+        /// Width times height times channels.
+        expected: usize,
+    },
+    /// An exposure time is zero, negative or not finite.
+    #[error("exposure must be above 0 s and finite, got {0} s")]
+    Exposure(f64),
+    /// A frame is shorter than the one before it.
+    #[error("exposures must not decrease: {found_s} s came after {previous_s} s")]
+    Order {
+        /// Exposure of this frame, s.
+        found_s: f64,
+        /// Exposure of the frame before, s.
+        previous_s: f64,
+    },
+    /// No dark was taken with the exposure of a frame.
+    #[error(
+        "no dark frame for the exposure of {exposure_s} s{}: take one with the beam blocked",
+        nearest_s.map(|s| format!(" (the nearest has {s} s)")).unwrap_or_default()
+    )]
+    NoDark {
+        /// Exposure of the frame, s.
+        exposure_s: f64,
+        /// The dark that comes nearest, s.
+        nearest_s: Option<f64>,
+    },
+    /// Most of a channel is saturated in every frame.
+    #[error(
+        "{saturated} of {pixels} pixels of channel {channel} are saturated in every frame: \
+         add a shorter exposure"
+    )]
+    Saturated {
+        /// Name of the channel.
+        channel: &'static str,
+        /// Pixels that no frame measured.
+        saturated: u64,
+        /// Pixels of the channel.
+        pixels: u64,
+    },
+    /// No frame was added.
+    #[error("no frame to merge: at least one exposure is needed")]
+    NoFrames,
+    /// Electrons per data number are not positive.
+    #[error("gain must be above 0 electrons per DN and finite, got {0}")]
+    Gain(f64),
+    /// The read noise is negative or not finite.
+    #[error("read noise must be at least 0 electrons and finite, got {0}")]
+    ReadNoise(f64),
+    /// The white level is not above the black level.
+    #[error("white level must be above the black level, got {white} DN over {black} DN")]
+    Levels {
+        /// Black level, DN.
+        black: f64,
+        /// White level, DN.
+        white: f64,
+    },
+    /// The photo-response non-uniformity is negative or not finite.
+    #[error("photo-response non-uniformity must be at least 0 and finite, got {0}")]
+    Prnu(f64),
+}

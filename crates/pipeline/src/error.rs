@@ -1,0 +1,81 @@
+//! What went wrong, and whose it is to mend.
+
+use std::fmt;
+
+/// Whose trouble it is. The command line turns it into an exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The call does not make sense.
+    Usage,
+    /// The input cannot be used, or an output is in the way.
+    Input,
+    /// The user stopped it.
+    Interrupted,
+    /// A fault of ours, or of the machine.
+    Fault,
+}
+
+/// An error with its chain of contexts, from the file down to the cause.
+#[derive(Debug)]
+pub struct Error {
+    kind: Kind,
+    source: anyhow::Error,
+}
+
+/// What every function of this crate returns.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An error of this kind with nothing below it.
+    pub fn new(kind: Kind, message: impl fmt::Display) -> Self {
+        Self { kind, source: anyhow::Error::msg(message.to_string()) }
+    }
+
+    /// The user stopped it.
+    pub fn interrupted() -> Self {
+        Self::new(Kind::Interrupted, "interrupted; nothing was written")
+    }
+
+    /// Whose trouble it is.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// The same error, said to have happened in `context`.
+    #[must_use]
+    pub fn within(self, context: impl fmt::Display) -> Self {
+        Self { kind: self.kind, source: self.source.context(context.to_string()) }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:#}", self.source)
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// Gives an error of another crate its kind and its place.
+pub trait Blame<T> {
+    /// The input named by `place` is at fault.
+    fn input(self, place: impl fmt::Display) -> Result<T>;
+    /// The machine or beamspot itself is at fault while doing `place`.
+    fn fault(self, place: impl fmt::Display) -> Result<T>;
+}
+
+impl<T, E: Into<anyhow::Error>> Blame<T> for std::result::Result<T, E> {
+    fn input(self, place: impl fmt::Display) -> Result<T> {
+        self.map_err(|e| Error {
+            kind: Kind::Input,
+            source: e.into().context(place.to_string()),
+        })
+    }
+
+    fn fault(self, place: impl fmt::Display) -> Result<T> {
+        self.map_err(|e| Error {
+            kind: Kind::Fault,
+            source: e.into().context(place.to_string()),
+        })
+    }
+}

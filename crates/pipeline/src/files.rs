@@ -1,0 +1,204 @@
+//! Reading with names, writing whole or not at all.
+
+use crate::error::{Blame, Error, Kind, Result};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// The bytes of a file.
+///
+/// # Errors
+///
+/// The error names the file.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).input(path.display())
+}
+
+/// The text of a file.
+///
+/// # Errors
+///
+/// The error names the file.
+pub fn read_text(path: &Path) -> Result<String> {
+    String::from_utf8(read(path)?).input(path.display())
+}
+
+/// Files on their way into a folder: all of them arrive, or none.
+///
+/// They are written to a hidden folder beside the target, which disappears if they never do.
+pub struct Outputs {
+    folder: PathBuf,
+    stage: TempDir,
+    names: Vec<PathBuf>,
+    force: bool,
+}
+
+impl Outputs {
+    /// Outputs called `names` into `folder`, which need not exist.
+    ///
+    /// # Errors
+    ///
+    /// One that exists is refused unless `force`, and so is one that is among `inputs`, always.
+    pub fn new(
+        folder: &Path,
+        names: impl IntoIterator<Item = impl Into<PathBuf>>,
+        inputs: &[PathBuf],
+        force: bool,
+    ) -> Result<Self> {
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        if folder.exists() && !folder.is_dir() {
+            let found = format!("{}: a file stands where a folder should", folder.display());
+            return Err(Error::new(Kind::Input, found));
+        }
+        let names: Vec<PathBuf> = names.into_iter().map(Into::into).collect();
+        for name in &names {
+            refuse_existing(&folder.join(name), inputs, force)?;
+        }
+        let mut parent = folder;
+        while !parent.is_dir() {
+            parent = match parent.parent() {
+                Some(up) if !up.as_os_str().is_empty() => up,
+                _ => Path::new("."),
+            };
+        }
+        let stage = tempfile::Builder::new()
+            .prefix(".beamspot-")
+            .tempdir_in(parent)
+            .fault(format!("writing to {}", parent.display()))?;
+        Ok(Self { folder: folder.to_owned(), stage, names, force })
+    }
+
+    /// Writes one of the outputs.
+    ///
+    /// # Errors
+    ///
+    /// The disk may be full; the error names the file.
+    pub fn write(
+        &self,
+        name: impl AsRef<Path>,
+        fill: impl FnOnce(&mut BufWriter<File>) -> anyhow::Result<()>,
+    ) -> Result<()> {
+        let name = name.as_ref();
+        debug_assert!(self.names.iter().any(|n| n == name), "{} was not announced", name.display());
+        let path = self.stage.path().join(name);
+        let place = || format!("writing {}", self.folder.join(name).display());
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).fault(place())?;
+        }
+        let mut out = BufWriter::new(File::create(&path).fault(place())?);
+        fill(&mut out).fault(place())?;
+        out.flush().fault(place())
+    }
+
+    /// Moves everything into place.
+    ///
+    /// # Errors
+    ///
+    /// An output that has appeared meanwhile is refused unless forced.
+    pub fn commit(self) -> Result<()> {
+        for name in &self.names {
+            refuse_existing(&self.folder.join(name), &[], self.force)?;
+        }
+        for name in &self.names {
+            let (from, to) = (self.stage.path().join(name), self.folder.join(name));
+            if !from.exists() {
+                continue;
+            }
+            let place = || format!("writing {}", to.display());
+            if let Some(parent) = to.parent() {
+                fs::create_dir_all(parent).fault(place())?;
+            }
+            fs::rename(&from, &to).fault(place())?;
+        }
+        Ok(())
+    }
+}
+
+/// The folder and the name of one output file.
+///
+/// # Errors
+///
+/// A path that ends in no name is refused.
+pub fn split(path: &Path) -> Result<(PathBuf, PathBuf)> {
+    let name = path.file_name().filter(|_| !path.is_dir()).ok_or_else(|| {
+        let found = format!("{}: expected the name of a file to write", path.display());
+        Error::new(Kind::Input, found)
+    })?;
+    Ok((path.parent().unwrap_or(Path::new("")).to_owned(), name.into()))
+}
+
+fn refuse_existing(target: &Path, inputs: &[PathBuf], force: bool) -> Result<()> {
+    if !target.exists() {
+        return Ok(());
+    }
+    let same = |input: &PathBuf| {
+        matches!((target.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b)
+    };
+    if inputs.iter().any(same) {
+        let found = format!("{}: is an input; choose another output", target.display());
+        return Err(Error::new(Kind::Input, found));
+    }
+    if force {
+        return Ok(());
+    }
+    let found = format!(
+        "{}: exists; choose another output, or replace it with --force",
+        target.display()
+    );
+    Err(Error::new(Kind::Input, found))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fill(text: &'static str) -> impl FnOnce(&mut BufWriter<File>) -> anyhow::Result<()> {
+        move |out| Ok(out.write_all(text.as_bytes())?)
+    }
+
+    #[test]
+    fn nothing_arrives_before_the_commit_and_nothing_stays_without_one() {
+        let here = tempfile::tempdir().unwrap();
+        let target = here.path().join("deep/er");
+        let outputs = Outputs::new(&target, ["a.txt", "sub/b.txt"], &[], false).unwrap();
+        outputs.write("a.txt", fill("a")).unwrap();
+        assert!(!target.exists());
+        drop(outputs);
+        assert_eq!(fs::read_dir(here.path()).unwrap().count(), 0);
+
+        let outputs = Outputs::new(&target, ["a.txt", "sub/b.txt"], &[], false).unwrap();
+        outputs.write("a.txt", fill("a")).unwrap();
+        outputs.write("sub/b.txt", fill("b")).unwrap();
+        outputs.commit().unwrap();
+        assert_eq!(fs::read_to_string(target.join("sub/b.txt")).unwrap(), "b");
+        assert_eq!(fs::read_dir(here.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn an_output_that_exists_is_refused_unless_forced_and_an_input_always() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.txt");
+        fs::write(&file, "old").unwrap();
+        let error = Outputs::new(here.path(), ["a.txt"], &[], false).err().unwrap();
+        assert!(error.to_string().contains("a.txt: exists"), "{error}");
+        assert_eq!(error.kind(), Kind::Input);
+        let inputs = [file.clone()];
+        let error = Outputs::new(here.path(), ["a.txt"], &inputs, true).err().unwrap();
+        assert!(error.to_string().contains("is an input"), "{error}");
+        let outputs = Outputs::new(here.path(), ["a.txt"], &[], true).unwrap();
+        outputs.write("a.txt", fill("new")).unwrap();
+        outputs.commit().unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+    }
+
+    #[test]
+    fn an_output_that_appears_meanwhile_is_not_overwritten() {
+        let here = tempfile::tempdir().unwrap();
+        let outputs = Outputs::new(here.path(), ["a.txt"], &[], false).unwrap();
+        outputs.write("a.txt", fill("new")).unwrap();
+        fs::write(here.path().join("a.txt"), "theirs").unwrap();
+        assert!(outputs.commit().is_err());
+        assert_eq!(fs::read_to_string(here.path().join("a.txt")).unwrap(), "theirs");
+    }
+}

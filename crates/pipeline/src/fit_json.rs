@@ -1,0 +1,163 @@
+//! `fit.json`: the fits of a capture, for other programs.
+
+use crate::capture::Input;
+use fit::{Constraint, Estimate, Fit, Termination};
+use serde::Serialize;
+
+/// Version of the layout of every JSON document that beamspot writes.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// A whole `fit.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitDocument {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Version of beamspot.
+    pub beamspot_version: &'static str,
+    /// The files that the numbers come from, with their hashes.
+    pub inputs: Vec<InputHash>,
+    /// Name of the material, where it is known.
+    pub material: Option<String>,
+    /// Relative index.
+    pub eta: f64,
+    /// Name of the model.
+    pub model: String,
+    /// Name of the constraint.
+    pub constraint: &'static str,
+    /// What was assumed where nothing was stated.
+    pub assumptions: Vec<String>,
+    /// The channels.
+    pub channels: Vec<Channel>,
+}
+
+/// A file and its hash.
+#[derive(Clone, Debug, Serialize)]
+pub struct InputHash {
+    /// As the manifest or the call names it.
+    pub file: String,
+    /// BLAKE3 of its bytes.
+    pub blake3: String,
+}
+
+/// One channel of a `fit.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Channel {
+    channel: String,
+    wavelength_nm: Option<f64>,
+    sigma_a_per_mm: Number,
+    sigma_s_prime_per_mm: Number,
+    correlation: f64,
+    total_reflectance: Option<Total>,
+    scale: f64,
+    range_mm: [f64; 2],
+    points: usize,
+    share_outside: f64,
+    reduced_chi2: f64,
+    evaluations: usize,
+    termination: &'static str,
+    upper_limit: Option<f64>,
+    warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Number {
+    value: f64,
+    u: f64,
+    ci95: [f64; 2],
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Total {
+    measured: f64,
+    u: f64,
+    model: f64,
+    radius_max_mm: Option<f64>,
+}
+
+/// The name of a constraint on the command line and in files.
+pub fn constraint_name(constraint: Constraint) -> &'static str {
+    match constraint {
+        Constraint::Exact => "exact",
+        Constraint::Joint => "joint",
+        Constraint::None => "none",
+    }
+}
+
+/// The name of a termination in files.
+pub fn termination_name(termination: Termination) -> &'static str {
+    match termination {
+        Termination::Converged => "converged",
+        Termination::AtBound => "at_bound",
+        Termination::OutOfEvaluations => "out_of_evaluations",
+    }
+}
+
+impl From<&Estimate> for Number {
+    fn from(e: &Estimate) -> Self {
+        Self { value: e.value, u: e.u, ci95: [e.ci95.0, e.ci95.1] }
+    }
+}
+
+impl From<&Fit> for Channel {
+    fn from(fit: &Fit) -> Self {
+        Self {
+            channel: fit.channel.clone(),
+            wavelength_nm: None,
+            sigma_a_per_mm: (&fit.sigma_a).into(),
+            sigma_s_prime_per_mm: (&fit.sigma_s_prime).into(),
+            correlation: fit.correlation,
+            total_reflectance: fit.total.map(|t| Total {
+                measured: t.measured,
+                u: t.u,
+                model: t.model,
+                radius_max_mm: t.radius_max_mm,
+            }),
+            scale: fit.scale,
+            range_mm: [fit.range_mm.0, fit.range_mm.1],
+            points: fit.residuals.len(),
+            share_outside: fit.share_outside,
+            reduced_chi2: fit.reduced_chi2,
+            evaluations: fit.evaluations,
+            termination: termination_name(fit.termination),
+            upper_limit: fit.upper_limit,
+            warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
+impl FitDocument {
+    /// The document of `fits`.
+    pub fn new(
+        fits: &[Fit],
+        material: Option<String>,
+        eta: f64,
+        model: &str,
+        constraint: Constraint,
+        inputs: &[Input],
+        assumptions: &[String],
+    ) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            beamspot_version: env!("CARGO_PKG_VERSION"),
+            inputs: inputs
+                .iter()
+                .map(|i| InputHash { file: i.name.clone(), blake3: i.blake3.clone() })
+                .collect(),
+            material,
+            eta,
+            model: model.to_owned(),
+            constraint: constraint_name(constraint),
+            assumptions: assumptions.to_vec(),
+            channels: fits.iter().map(Channel::from).collect(),
+        }
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    ///
+    /// None that a finite number could cause; serde's are passed on.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+}

@@ -1,0 +1,31 @@
+//! From files to files: the stages of beamspot joined.
+//!
+//! The command line and Python are thin doors onto the functions here. This is where paths,
+//! progress and provenance live; what is computed stands in the crates below.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`error`] | [`Error`] and what kind of trouble it is |
+//! | [`monitor`] | progress out, interruption in |
+//! | [`files`] | reading with names, writing whole or not at all |
+//! | [`capture`] | a manifest with its frames: loading, hashing, merging |
+//! | [`measure`] | the main job: frames to materials |
+//! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
+//! | [`fit_json`] | `fit.json` |
+//! | [`outputs`] | what a measurement leaves behind |
+//! | [`synthesis`] | synthetic captures as files |
+//! | [`library`] | the tables that ship with beamspot |
+
+pub mod capture;
+pub mod error;
+pub mod files;
+pub mod fit_json;
+pub mod fitting;
+pub mod library;
+pub mod measure;
+pub mod monitor;
+pub mod outputs;
+pub mod synthesis;
+
+pub use error::{Error, Kind, Result};
+pub use monitor::{Monitor, Silent};

@@ -1,0 +1,58 @@
+//! The tables that ship with beamspot.
+
+use crate::error::{Blame, Error, Kind, Result};
+use formats::materials_csv;
+use physics::{DiffuseFresnel, DipoleModel, ForwardModel, Material};
+
+/// Jensen et al. (2001), Figure 5, as `data/materials.csv`.
+const MATERIALS: &str = include_str!("../../../data/materials.csv");
+
+/// The materials of Jensen's table, three channels each.
+pub fn materials() -> Vec<Material> {
+    materials_csv::read(MATERIALS.as_bytes()).expect("the shipped table is read by the tests")
+}
+
+/// The text of Jensen's table, for those who want the digits as printed.
+pub fn materials_text() -> &'static str {
+    MATERIALS
+}
+
+/// The channels of the shipped material called `name`, whatever its case.
+///
+/// # Errors
+///
+/// A name that is not there is answered with those that are.
+pub fn material(name: &str) -> Result<Vec<Material>> {
+    let all = materials();
+    let found: Vec<Material> =
+        all.iter().filter(|m| m.material.eq_ignore_ascii_case(name)).cloned().collect();
+    if found.is_empty() {
+        let mut names: Vec<&str> = all.iter().map(|m| m.material.as_str()).collect();
+        names.dedup();
+        let message = format!("no material is called `{name}`; there are {}", names.join(", "));
+        return Err(Error::new(Kind::Usage, message));
+    }
+    Ok(found)
+}
+
+/// The names of the models that a fit can use.
+pub const MODELS: [&str; 2] = ["dipole", "jensen2001"];
+
+/// The model called `name` at relative index `eta`.
+///
+/// # Errors
+///
+/// A name that is not there is answered with those that are.
+pub fn model(name: &str, eta: f64) -> Result<Box<dyn ForwardModel>> {
+    physics::ReducedMedium { sigma_a: 0.0, sigma_s_prime: 1.0, eta }
+        .validated()
+        .input("eta")?;
+    match name {
+        "dipole" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::Exact))),
+        "jensen2001" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::RationalFit))),
+        _ => {
+            let message = format!("no model is called `{name}`; there are {}", MODELS.join(", "));
+            Err(Error::new(Kind::Usage, message))
+        }
+    }
+}

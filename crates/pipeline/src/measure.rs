@@ -1,0 +1,312 @@
+//! The main job: frames to materials.
+
+use crate::capture::{Input, Loaded, Merged, Subject, merge_lines};
+use crate::error::{Blame, Error, Kind, Result};
+use crate::fit_json::FitDocument;
+use crate::fitting::{self, Given};
+use crate::monitor::Monitor;
+use fit::{Constraint, Fit};
+use formats::capture as manifest;
+use formats::exr::{ChannelScale, RadianceFile};
+use physics::footprint::Beam;
+use physics::{Material, RadianceMap, RadialProfile, TotalReflectance};
+use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale};
+use std::collections::BTreeMap;
+
+/// What the caller of a measurement chooses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choices {
+    /// Name of the model.
+    pub model: String,
+    /// What the total does.
+    pub constraint: Constraint,
+    /// First and last radius, mm; `None` lets the fit choose.
+    pub range_mm: Option<(f64, f64)>,
+}
+
+impl Default for Choices {
+    fn default() -> Self {
+        Self { model: "dipole".to_owned(), constraint: Constraint::Joint, range_mm: None }
+    }
+}
+
+/// Sample and reference merged, and the scale that the one gives the other.
+#[derive(Clone, Debug)]
+pub struct Radiance {
+    /// The sample, in units of R_d, mm⁻².
+    pub map: RadianceMap,
+    /// The scale of each channel.
+    pub scales: Vec<Scale>,
+    /// Every file that took part.
+    pub inputs: Vec<Input>,
+    /// What was dropped, and where, in sentences.
+    pub merge_lines: Vec<String>,
+}
+
+/// Everything that a measurement finds.
+#[derive(Clone, Debug)]
+pub struct Measurement {
+    /// Name of the material.
+    pub material: String,
+    /// The picture behind it.
+    pub radiance: Radiance,
+    /// Profile and total of each channel.
+    pub measured: Vec<Measured>,
+    /// What the fits took as given.
+    pub given: Given,
+    /// The fit of each channel.
+    pub fits: Vec<Fit>,
+    /// The rows for a table.
+    pub materials: Vec<Material>,
+    /// Defaults that stood in for what the manifest left out.
+    pub assumptions: Vec<String>,
+}
+
+/// Merges sample and reference, and scales the one by the other.
+///
+/// # Errors
+///
+/// See [`Loaded::merge`]; the reference must show a spot with room around it.
+pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
+    loaded.sensor()?;
+    let steps = loaded.frame_count(Subject::Sample) + loaded.frame_count(Subject::Reference);
+    monitor.begin("merging", steps);
+    let (sample, reference) = rayon::join(
+        || loaded.merge(Subject::Sample, monitor),
+        || loaded.merge(Subject::Reference, monitor),
+    );
+    let (sample, reference) = (sample?, reference?);
+    let count = |merged: &Merged| merged.map.channels.len();
+    if count(&sample) != count(&reference) {
+        let message = format!(
+            "{}: the sample has {} channels and the reference {}: expected the same camera for both",
+            loaded.input.path.display(),
+            count(&sample),
+            count(&reference)
+        );
+        return Err(Error::new(Kind::Input, message));
+    }
+    let mut merge_lines = merge_lines(Subject::Sample, &sample);
+    merge_lines.extend(self::merge_lines(Subject::Reference, &reference));
+
+    let capture = &loaded.capture;
+    let mut scales = vec![];
+    let mut channels = vec![];
+    for (index, (channel, white)) in
+        sample.map.channels.iter().zip(&reference.map.channels).enumerate()
+    {
+        let medium = capture.reference.medium(index, count(&sample)).input(loaded.input.path.display())?;
+        let options = ReferenceOptions {
+            mm_per_pixel: capture.geometry.mm_per_pixel,
+            center_px: None,
+            reflectance: capture.reference.reflectance,
+            u_reflectance: capture.reference.u_reflectance(),
+            medium,
+            exit: exit(capture),
+        };
+        let scale =
+            profile::reference_scale(white, reference.map.width, reference.map.height, &options)
+                .input(format!(
+                    "{}: reference, channel {}",
+                    loaded.input.path.display(),
+                    white.name
+                ))?;
+        channels.push(channel.scaled(scale.factor_per_mm2));
+        scales.push(scale);
+    }
+    let mut inputs = vec![loaded.input.clone()];
+    inputs.extend(sample.inputs);
+    inputs.extend(reference.inputs);
+    let RadianceMap { width, height, .. } = sample.map;
+    Ok(Radiance { map: RadianceMap { width, height, channels }, scales, inputs, merge_lines })
+}
+
+impl Radiance {
+    /// The file `radiance.exr`.
+    pub fn to_file(&self, loaded: &Loaded) -> RadianceFile {
+        let scale = self
+            .map
+            .channels
+            .iter()
+            .zip(&self.scales)
+            .map(|(channel, scale)| ChannelScale {
+                channel: channel.name.clone(),
+                u_scale_relative: scale.u_relative,
+            })
+            .collect();
+        let provenance = BTreeMap::from([
+            ("beamspot_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("material".to_owned(), loaded.capture.material.clone()),
+            ("manifest_blake3".to_owned(), loaded.input.blake3.clone()),
+        ]);
+        RadianceFile {
+            map: self.map.clone(),
+            mm_per_pixel: Some(loaded.capture.geometry.mm_per_pixel),
+            scale,
+            provenance,
+        }
+    }
+}
+
+/// Profile and total of every channel of a picture in mm⁻².
+///
+/// `u_scale_relative` has one number for each channel.
+///
+/// # Errors
+///
+/// The spot is missing or too near to the edge, a ring was not measured, or the sample is
+/// brighter than any surface.
+pub fn profiles(
+    map: &RadianceMap,
+    u_scale_relative: &[f64],
+    mm_per_pixel: f64,
+    center_px: Option<[f64; 2]>,
+) -> Result<Vec<Measured>> {
+    map.channels
+        .iter()
+        .zip(u_scale_relative)
+        .map(|(channel, &u_scale_relative)| {
+            let options = ProfileOptions {
+                mm_per_pixel,
+                center_px,
+                u_scale_relative,
+                ..ProfileOptions::default()
+            };
+            profile::radial_profile(channel, map.width, map.height, &options)
+                .input(format!("channel {}", channel.name))
+        })
+        .collect()
+}
+
+/// Measures a capture.
+///
+/// # Errors
+///
+/// See [`radiance`], [`profiles`] and [`fitting::fit_channel`]; each names the file and the
+/// channel.
+pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Result<Measurement> {
+    let capture = &loaded.capture;
+    // A model that is not there should not take a minute of merging to find out.
+    crate::library::model(&choices.model, capture.eta)?;
+    let radiance = radiance(loaded, monitor)?;
+    let place = || loaded.input.path.display().to_string();
+    monitor.check()?;
+    monitor.begin("fitting", radiance.map.channels.len() as u64);
+    let u_scales: Vec<f64> = radiance.scales.iter().map(|s| s.u_relative).collect();
+    let measured = profiles(
+        &radiance.map,
+        &u_scales,
+        capture.geometry.mm_per_pixel,
+        capture.geometry.center_px,
+    )
+    .map_err(|e| e.within(format!("{}: sample", place())))?;
+
+    let given = given(capture, choices);
+    let fits = measured
+        .iter()
+        .map(|m| {
+            monitor.check()?;
+            let u_scale = m.total.u_scale_relative;
+            let fit = fitting::fit_channel(&m.profile, Some(&m.total), u_scale, &given)
+                .map_err(|e| e.within(place()));
+            monitor.step();
+            fit
+        })
+        .collect::<Result<Vec<Fit>>>()?;
+    let materials = fitting::materials(&fits, &capture.material, &given)?;
+    Ok(Measurement {
+        material: capture.material.clone(),
+        assumptions: assumptions(capture),
+        radiance,
+        measured,
+        given,
+        fits,
+        materials,
+    })
+}
+
+impl Measurement {
+    /// The document `fit.json`.
+    pub fn document(&self) -> FitDocument {
+        FitDocument::new(
+            &self.fits,
+            Some(self.material.clone()),
+            self.given.eta,
+            &self.given.model,
+            self.given.constraint,
+            &self.radiance.inputs,
+            &self.assumptions,
+        )
+    }
+
+    /// The profile of each channel.
+    pub fn profiles(&self) -> Vec<RadialProfile> {
+        self.measured.iter().map(|m| m.profile.clone()).collect()
+    }
+
+    /// The total of each channel.
+    pub fn totals(&self) -> Vec<TotalReflectance> {
+        self.measured.iter().map(|m| m.total.clone()).collect()
+    }
+}
+
+fn exit(capture: &manifest::Capture) -> Exit {
+    match capture.model.exit {
+        manifest::Exit::Fresnel => {
+            Exit::Fresnel { eta: capture.eta, angle: capture.camera.angle_deg.to_radians() }
+        }
+        manifest::Exit::Lambert => Exit::Lambert,
+    }
+}
+
+fn given(capture: &manifest::Capture, choices: &Choices) -> Given {
+    let fwhm_mm = capture.beam.fwhm_mm;
+    Given {
+        model: choices.model.clone(),
+        constraint: choices.constraint,
+        range_mm: choices.range_mm,
+        eta: capture.eta,
+        u_eta: capture.u_eta(),
+        entry_loss: capture.model.entry_loss,
+        cos_beam: capture.beam.angle_deg.to_radians().cos(),
+        exit: exit(capture),
+        u_length_relative: capture.geometry.u_mm_per_pixel() / capture.geometry.mm_per_pixel,
+        beam: match capture.beam.profile {
+            _ if fwhm_mm == 0.0 => Beam::Point,
+            manifest::BeamProfile::Gaussian => Beam::Gaussian { fwhm_mm },
+            manifest::BeamProfile::Disk => Beam::Disk { fwhm_mm },
+        },
+        u_fwhm_mm: capture.beam.u_fwhm_mm(),
+        pixel_mm: capture.geometry.mm_per_pixel,
+    }
+}
+
+fn assumptions(capture: &manifest::Capture) -> Vec<String> {
+    let mut lines: Vec<String> = capture
+        .assumptions()
+        .iter()
+        .map(|a| format!("{} was not given; {} was assumed", a.field, a.value))
+        .collect();
+    if capture.reference.sigma_s_prime_per_mm.is_none() {
+        lines.push(
+            "the white reference was taken as an ideal surface; a translucent one loses 1 % of its \
+             light outside a 41 mm picture, which can be 20 % of sigma_a: give \
+             reference.sigma_s_prime_per_mm and sigma_a_per_mm"
+                .to_owned(),
+        );
+    }
+    if let Some(thickness) = capture.sample.thickness_mm {
+        lines.push(format!(
+            "the sample was taken as infinitely thick; sample.thickness_mm = {thickness} is not \
+             used by this model"
+        ));
+    }
+    if capture.beam.angle_deg > 0.0 || capture.camera.angle_deg > 0.0 {
+        lines.push(
+            "angles of beam and camera act on the light that enters and leaves alone; the picture \
+             was taken as seen from above"
+                .to_owned(),
+        );
+    }
+    lines
+}

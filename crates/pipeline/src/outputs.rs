@@ -1,0 +1,90 @@
+//! What a measurement leaves behind.
+
+use crate::capture::Loaded;
+use crate::error::Result;
+use crate::files::Outputs;
+use crate::fitting::model_curve;
+use crate::measure::Measurement;
+use report::{ChannelReport, CurvePoint, Report, figure_svg, report_html};
+use std::io::Write;
+use std::path::Path;
+
+/// The files of a measurement; a figure of each channel comes on top.
+const NAMES: [&str; 6] =
+    ["radiance.exr", "profile.csv", "totals.csv", "fit.json", "materials.csv", "report.html"];
+
+fn figure_name(channel: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() { c } else { '_' };
+    format!("profile_{}.svg", channel.chars().map(safe).collect::<String>())
+}
+
+/// Opens the outputs of measuring `loaded` into `folder`, and refuses what is in the way.
+///
+/// # Errors
+///
+/// One of the files exists and is not to be replaced.
+pub fn open(loaded: &Loaded, folder: &Path, force: bool) -> Result<Outputs> {
+    // Before the frames are read nobody knows which channels there are.
+    let figures = ["R", "G", "B", "Y"].map(figure_name);
+    let names = NAMES.into_iter().map(str::to_owned).chain(figures);
+    Outputs::new(folder, names, &loaded.paths(), force)
+}
+
+/// Writes everything and moves it into place.
+///
+/// # Errors
+///
+/// The disk is full, or an output has appeared meanwhile.
+pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Result<()> {
+    let radiance = measurement.radiance.to_file(loaded);
+    files.write("radiance.exr", |out| Ok(formats::write_radiance(&radiance, out)?))?;
+    let profiles = measurement.profiles();
+    files.write("profile.csv", |out| Ok(formats::profile_csv::write(&profiles, out)?))?;
+    let totals = measurement.totals();
+    files.write("totals.csv", |out| Ok(formats::totals_csv::write(&totals, out)?))?;
+    let document = measurement.document();
+    files.write("fit.json", |out| Ok(out.write_all(document.to_json()?.as_bytes())?))?;
+    let rows = &measurement.materials;
+    files.write("materials.csv", |out| Ok(formats::materials_csv::write(rows, out)?))?;
+
+    let mut channels = vec![];
+    for ((fit, profile), row) in measurement.fits.iter().zip(&profiles).zip(rows) {
+        let model_curve = model_curve(profile, fit, &measurement.given)?
+            .into_iter()
+            .map(|(radius_mm, reflectance_per_mm2)| CurvePoint { radius_mm, reflectance_per_mm2 })
+            .collect();
+        channels.push(ChannelReport {
+            fit,
+            profile,
+            wavelength_nm: row.wavelength_nm,
+            model_curve,
+            total_reflectance: row.total_reflectance.unwrap_or(0.0),
+            truth: None,
+        });
+    }
+    let page = Report {
+        material: &measurement.material,
+        eta: measurement.given.eta,
+        u_eta: measurement.given.u_eta,
+        model: &measurement.given.model,
+        constraint: measurement.given.constraint,
+        channels,
+        warnings: vec![],
+        assumptions: measurement.assumptions.clone(),
+        merge: measurement.radiance.merge_lines.clone(),
+        tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),
+        inputs: measurement
+            .radiance
+            .inputs
+            .iter()
+            .map(|i| report::Input { name: i.name.clone(), blake3: i.blake3.clone() })
+            .collect(),
+    };
+    for channel in &page.channels {
+        let name = figure_name(&channel.fit.channel);
+        let svg = figure_svg(&measurement.material, channel);
+        files.write(name, |out| Ok(out.write_all(svg.as_bytes())?))?;
+    }
+    files.write("report.html", |out| Ok(out.write_all(report_html(&page).as_bytes())?))?;
+    files.commit()
+}

@@ -1,0 +1,462 @@
+//! One pass after another over a picture's pixels, until its rings are known.
+
+use crate::center::{NEEDED_PX, check_size, find_center};
+use crate::curve::{AREA, Curve, Moments};
+use crate::error::ProfileError;
+use crate::radial::{Measured, ProfileOptions, check_options};
+use crate::rings::{Rings, Run};
+use physics::profile::mean_radius;
+use physics::{ChannelMap, ProfilePoint, RadialProfile, TotalReflectance};
+
+/// Parts into which the pixels of a ring are sorted for a first mean that outliers cannot move.
+const GROUPS: usize = 8;
+
+/// Residuals beyond this many standard uncertainties count as so many in the ring's scatter.
+const FAR: f64 = 20.0;
+
+/// Mean of |z| for a standard Gaussian, √(2/π).
+const MEAN_ABSOLUTE: f64 = 0.797_884_560_802_865_4;
+
+/// Radius of the core, px, whose total is the sum of its pixels.
+const CORE_PX: f64 = 8.0;
+
+/// Radius inside which rings are least certain, px: what the core's rings lack of its total is
+/// theirs.
+const HEART_PX: f64 = 2.0;
+
+/// A picture averaged over rings, in its own unit and px.
+pub(crate) struct Survey {
+    pub(crate) center: [f64; 2],
+    pub(crate) rings: Rings,
+    pub(crate) curve: Curve,
+    pub(crate) limits: Vec<Limit>,
+    means: Vec<f64>,
+    u: Vec<f64>,
+    pixels: Vec<u64>,
+    rejected: u64,
+    unmeasured: u64,
+    scatter: f64,
+}
+
+/// How far from its ring's curve a pixel may lie.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Limit {
+    /// In units of the pixel's standard uncertainty.
+    pub(crate) relative: f64,
+    /// On top of that: how well the curve is known where it is steep.
+    pub(crate) slack: f64,
+}
+
+impl Limit {
+    pub(crate) fn allows(&self, residual: f64, variance: f64) -> bool {
+        residual.abs() <= self.relative * variance.sqrt() + self.slack
+    }
+}
+
+/// Sums over the accepted pixels of a ring.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    count: u64,
+    value: f64,
+    variance: f64,
+    tau: [f64; 3],
+}
+
+impl Sums {
+    fn add(&mut self, value: f64, variance: f64, tau: f64) {
+        self.count += 1;
+        self.value += value;
+        self.variance += variance;
+        let square = tau * tau;
+        for (sum, power) in self.tau.iter_mut().zip([tau, square, square * tau]) {
+            *sum += power;
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        self.value / self.count as f64
+    }
+
+    fn u(&self) -> f64 {
+        self.variance.sqrt() / self.count as f64
+    }
+
+    fn moments(&self) -> Moments {
+        let [a, b, c] = self.tau.map(|sum| sum / self.count as f64);
+        [1.0, a, b, c]
+    }
+}
+
+/// One measured pixel.
+#[derive(Clone, Copy)]
+pub(crate) struct Pixel {
+    pub(crate) index: usize,
+    pub(crate) ring: usize,
+    /// Square of the distance from the centre in its ring, scaled to [−1, 1].
+    pub(crate) tau: f64,
+    pub(crate) value: f64,
+    pub(crate) variance: f64,
+}
+
+impl Survey {
+    pub(crate) fn new(
+        channel: &ChannelMap,
+        width: usize,
+        height: usize,
+        options: &ProfileOptions,
+    ) -> Result<Self, ProfileError> {
+        check_options(options)?;
+        check_size(channel, width, height)?;
+        let center = match options.center_px {
+            Some(center) => center,
+            None => find_center(channel, width, height)?,
+        };
+        let [x, y] = center;
+        let (right, below) = (width as f64 - 0.5 - x, height as f64 - 0.5 - y);
+        let radius = right.min(below).min(x + 0.5).min(y + 0.5);
+        if !(x.is_finite() && y.is_finite() && radius >= NEEDED_PX) {
+            return Err(ProfileError::SpotAtEdge {
+                x,
+                y,
+                width,
+                height,
+                needed: NEEDED_PX,
+            });
+        }
+        let rings = Rings::new(radius, options.relative_width, options.min_width_px);
+        let picture = Picture {
+            channel,
+            size: (width, height),
+            center,
+            rings: &rings,
+        };
+        let (first, unmeasured) = picture.first_means(options.mm_per_pixel)?;
+        let count = rings.len();
+        let floor = floor_of(&first.u, &first.means);
+        let curve = Curve::through(&rings, &first.means, &first.moments, floor);
+
+        // How much the pixels scatter about their curve; the far ones are cut off, not left out.
+        let slack = slacks(&rings, &first.means);
+        let mut scatter = vec![0.0; count];
+        let mut wide = vec![Sums::default(); count];
+        picture.for_each_pixel(|p| {
+            let residual = (p.value - curve.at(p.ring, p.tau)).abs();
+            let u = p.variance.sqrt().max(f64::MIN_POSITIVE);
+            scatter[p.ring] += (residual / u).min(FAR);
+            if residual <= FAR * u + slack[p.ring] {
+                wide[p.ring].add(p.value, p.variance, p.tau);
+            }
+        });
+        for (ring, scatter) in scatter.iter_mut().enumerate() {
+            *scatter /= MEAN_ABSOLUTE * first.counts[ring] as f64;
+        }
+        let (means, moments) = picture.fill(&wide, &first);
+        let curve = Curve::through(&rings, &means, &moments, floor);
+
+        // A glow that is not round scatters more than its noise: that is no reason to reject.
+        let limits: Vec<Limit> = scatter
+            .iter()
+            .zip(slacks(&rings, &means))
+            .map(|(scatter, slack)| Limit {
+                relative: options.clip * scatter.max(1.0),
+                slack,
+            })
+            .collect();
+        let mut sums = vec![Sums::default(); count];
+        let mut rejected = 0;
+        picture.for_each_pixel(|p| {
+            if limits[p.ring].allows(p.value - curve.at(p.ring, p.tau), p.variance) {
+                sums[p.ring].add(p.value, p.variance, p.tau);
+            } else {
+                rejected += 1;
+            }
+        });
+        if let Some(ring) = sums.iter().position(|s| s.count == 0) {
+            return Err(unmeasured_ring(&rings, ring, options.mm_per_pixel));
+        }
+        let pixel_means: Vec<f64> = sums.iter().map(Sums::mean).collect();
+        let moments: Vec<Moments> = sums.iter().map(Sums::moments).collect();
+        let curve = Curve::through(&rings, &pixel_means, &moments, floor);
+        let mut means: Vec<f64> = (0..count)
+            .map(|ring| {
+                pixel_means[ring] - curve.mean(ring, &moments[ring]) + curve.mean(ring, &AREA)
+            })
+            .collect();
+        picture.settle_core(&curve, &limits, &mut means);
+        scatter.sort_by(f64::total_cmp);
+        Ok(Self {
+            center,
+            u: sums.iter().map(Sums::u).collect(),
+            pixels: sums.iter().map(|s| s.count).collect(),
+            scatter: scatter[count / 2],
+            rings,
+            curve,
+            limits,
+            means,
+            rejected,
+            unmeasured,
+        })
+    }
+
+    /// The result in mm, if it does not hold more light than came in.
+    pub(crate) fn checked(
+        &self,
+        channel: &ChannelMap,
+        options: &ProfileOptions,
+    ) -> Result<Measured, ProfileError> {
+        let measured = self.measured(channel, options);
+        let total = &measured.total;
+        let u = total
+            .u_total_reflectance
+            .hypot(total.u_scale_relative * total.total_reflectance);
+        if total.total_reflectance > 1.0 + 3.0 * u {
+            let pixel = options.mm_per_pixel * options.mm_per_pixel;
+            let white_sum = 1.0 / (options.factor_per_mm2 * pixel);
+            return Err(ProfileError::ReferenceDarker {
+                sample_sum: total.total_reflectance * white_sum,
+                white_sum,
+            });
+        }
+        Ok(measured)
+    }
+
+    /// The result in mm.
+    pub(crate) fn measured(&self, channel: &ChannelMap, options: &ProfileOptions) -> Measured {
+        let (mm, factor) = (options.mm_per_pixel, options.factor_per_mm2);
+        let points: Vec<ProfilePoint> = (0..self.rings.len())
+            .map(|ring| {
+                let (inner, outer) = self.rings.edges(ring);
+                let (inner, outer) = (inner * mm, outer * mm);
+                ProfilePoint {
+                    ring_mm: Some((inner, outer)),
+                    radius_mm: mean_radius(inner, outer),
+                    reflectance_per_mm2: self.means[ring] * factor,
+                    u_reflectance_per_mm2: self.u[ring] * factor,
+                    pixels: Some(self.pixels[ring]),
+                }
+            })
+            .collect();
+        let area_times =
+            |f: fn(&ProfilePoint) -> f64| points.iter().map(move |p| p.area_mm2() * f(p));
+        let total = TotalReflectance {
+            channel: channel.name.clone(),
+            total_reflectance: area_times(|p| p.reflectance_per_mm2).sum(),
+            u_total_reflectance: area_times(|p| p.u_reflectance_per_mm2)
+                .map(|u| u * u)
+                .sum::<f64>()
+                .sqrt(),
+            radius_max_mm: points
+                .last()
+                .and_then(|p| p.ring_mm)
+                .map(|(_, outer)| outer),
+            u_scale_relative: options.u_scale_relative,
+        };
+        Measured {
+            profile: RadialProfile {
+                channel: channel.name.clone(),
+                points,
+            },
+            total,
+            center_px: self.center,
+            rejected_pixels: self.rejected,
+            unmeasured_pixels: self.unmeasured,
+            relative_scatter: self.scatter,
+        }
+    }
+}
+
+/// First means of all rings, from all measured pixels.
+struct First {
+    means: Vec<f64>,
+    u: Vec<f64>,
+    moments: Vec<Moments>,
+    counts: Vec<u64>,
+}
+
+struct Picture<'a> {
+    channel: &'a ChannelMap,
+    size: (usize, usize),
+    center: [f64; 2],
+    rings: &'a Rings,
+}
+
+impl Picture<'_> {
+    /// Calls `visit` with every pixel of a run that was measured.
+    fn pixels_of(&self, run: &Run, mut visit: impl FnMut(Pixel)) {
+        let (middle, half) = self.rings.square(run.ring);
+        let offset = run.dy * run.dy - middle;
+        let mut dx = run.dx;
+        for index in run.pixels.clone() {
+            let variance = self.channel.variance[index];
+            if variance.is_finite() {
+                visit(Pixel {
+                    index,
+                    ring: run.ring,
+                    tau: (dx * dx + offset) / half,
+                    value: f64::from(self.channel.value[index]),
+                    variance: f64::from(variance),
+                });
+            }
+            dx += 1.0;
+        }
+    }
+
+    fn for_each_pixel(&self, mut visit: impl FnMut(Pixel)) {
+        self.rings.for_each_run(self.size, self.center, |run| {
+            self.pixels_of(run, &mut visit);
+        });
+    }
+
+    /// The median over groups of pixels of their mean, ring by ring: up to three groups may
+    /// hold outliers of any size. Also how many pixels were not measured.
+    fn first_means(&self, mm_per_pixel: f64) -> Result<(First, u64), ProfileError> {
+        let count = self.rings.len();
+        let mut groups = vec![(0_u64, 0.0); count * GROUPS];
+        let mut sums = vec![Sums::default(); count];
+        let (mut inside, mut measured) = (0, 0);
+        self.rings.for_each_run(self.size, self.center, |run| {
+            inside += run.pixels.len() as u64;
+            self.pixels_of(run, |p| {
+                measured += 1;
+                // A third of the row's number makes neighbours of either direction differ.
+                let group = (p.index + 3 * (p.index / self.size.0)) % GROUPS;
+                let (n, sum) = &mut groups[p.ring * GROUPS + group];
+                *n += 1;
+                *sum += p.value;
+                sums[p.ring].add(p.value, p.variance, p.tau);
+            });
+        });
+        if let Some(ring) = sums.iter().position(|s| s.count == 0) {
+            return Err(unmeasured_ring(self.rings, ring, mm_per_pixel));
+        }
+        let means = groups
+            .chunks(GROUPS)
+            .map(|groups| {
+                let mut means: Vec<f64> = groups
+                    .iter()
+                    .filter(|(n, _)| *n > 0)
+                    .map(|(n, sum)| sum / *n as f64)
+                    .collect();
+                means.sort_by(f64::total_cmp);
+                let n = means.len();
+                0.5 * (means[n / 2] + means[(n - 1) / 2])
+            })
+            .collect();
+        let first = First {
+            means,
+            u: sums.iter().map(Sums::u).collect(),
+            moments: sums.iter().map(Sums::moments).collect(),
+            counts: sums.iter().map(|s| s.count).collect(),
+        };
+        Ok((first, inside - measured))
+    }
+
+    /// Means and moments of `sums`, or the first ones where a ring lost all its pixels.
+    fn fill(&self, sums: &[Sums], first: &First) -> (Vec<f64>, Vec<Moments>) {
+        sums.iter()
+            .enumerate()
+            .map(|(ring, s)| {
+                if s.count == 0 {
+                    (first.means[ring], first.moments[ring])
+                } else {
+                    (s.mean(), s.moments())
+                }
+            })
+            .unzip()
+    }
+
+    /// Makes the total of the innermost rings that of their pixels.
+    ///
+    /// A spot not much wider than a pixel is more than any curve through rings can follow. But
+    /// pixels tile the plane, so that the sum over a disk is exact up to the pixels that its rim
+    /// cuts, and a Gaussian with the curve's value and slope at the rim accounts for those: the
+    /// sum of the differences is exact because they vanish there, and the Gaussian's own
+    /// integral is known. What is left over goes to the innermost rings, in proportion to what they hold.
+    fn settle_core(&self, curve: &Curve, limits: &[Limit], means: &mut [f64]) {
+        let core = (0..self.rings.len())
+            .take_while(|ring| self.rings.edges(*ring).1 <= CORE_PX)
+            .count();
+        let Some(last) = core.checked_sub(1) else {
+            return;
+        };
+        let held: f64 = (0..core)
+            .map(|ring| self.rings.area(ring) * means[ring])
+            .sum();
+        let rim = self.rings.edges(last).1;
+        let (_, half) = self.rings.square(last);
+        let value = curve.at(last, 1.0);
+        // Twice the distance over which the slope is taken is a hundredth of the ring.
+        let decay = (curve.at(last, 0.98) / value).ln() / (0.02 * half);
+        // A rim in the noise, or a glow that rises outwards, has no Gaussian to speak of.
+        if !(held > 0.0 && decay.is_finite() && (0.0..2.0).contains(&(decay * rim))) {
+            return;
+        }
+        let gaussian = |square: f64| value * (decay * (rim * rim - square)).exp();
+        let mut sum = 0.0;
+        self.rings.for_each_run(self.size, self.center, |run| {
+            if run.ring >= core {
+                return;
+            }
+            let (middle, half) = self.rings.square(run.ring);
+            for (k, index) in run.pixels.clone().enumerate() {
+                let dx = run.dx + k as f64;
+                let square = dx * dx + run.dy * run.dy;
+                let expected = curve.at(run.ring, (square - middle) / half);
+                let variance = f64::from(self.channel.variance[index]);
+                let seen = f64::from(self.channel.value[index]);
+                let good =
+                    variance.is_finite() && limits[run.ring].allows(seen - expected, variance);
+                sum += if good { seen } else { expected } - gaussian(square);
+            }
+        });
+        let integral = if decay * rim * rim > 1e-9 {
+            std::f64::consts::PI / decay * value * (decay * rim * rim).exp_m1()
+        } else {
+            std::f64::consts::PI * rim * rim * value
+        };
+        let heart = (0..core)
+            .take_while(|ring| self.rings.edges(*ring).0 < HEART_PX)
+            .count();
+        let there: f64 = (0..heart)
+            .map(|ring| self.rings.area(ring) * means[ring])
+            .sum();
+        if there > 0.0 {
+            for mean in &mut means[..heart] {
+                *mean *= 1.0 + (sum + integral - held) / there;
+            }
+        }
+    }
+}
+
+/// What the curve may be off in each ring: a share of the step to the neighbouring rings. The
+/// curve itself errs by a thousandth of that beyond a few pixels, a centre 0.03 px off by 0.02;
+/// near the centre the picture is steeper than rings can follow.
+fn slacks(rings: &Rings, means: &[f64]) -> Vec<f64> {
+    (0..rings.len())
+        .map(|ring| {
+            let inner = means[ring.saturating_sub(1)];
+            let outer = means[(ring + 1).min(rings.len() - 1)];
+            let step = (inner - means[ring]).abs().max((means[ring] - outer).abs());
+            let radius = rings.square(ring).0.sqrt();
+            step * (0.05 + (3.0 / radius).powi(2)).min(1.0)
+        })
+        .collect()
+}
+
+/// Where the curve turns from logarithmic to linear: at a few standard uncertainties of a ring.
+fn floor_of(u: &[f64], means: &[f64]) -> f64 {
+    let mut sorted = u.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let largest = means.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    (2.0 * sorted[sorted.len() / 2])
+        .max(1e-9 * largest)
+        .max(f64::MIN_POSITIVE)
+}
+
+fn unmeasured_ring(rings: &Rings, ring: usize, mm_per_pixel: f64) -> ProfileError {
+    let (inner, outer) = rings.edges(ring);
+    ProfileError::UnmeasuredRing {
+        inner_mm: inner * mm_per_pixel,
+        outer_mm: outer * mm_per_pixel,
+    }
+}

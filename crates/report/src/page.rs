@@ -1,0 +1,394 @@
+//! One page that holds a whole measurement.
+
+use crate::channel::ChannelReport;
+use crate::figure::{STYLE, drawing, shown_chi2};
+use crate::markup::{escaped, html, sentence};
+use crate::number::{fixed, significant, uncertain};
+use fit::{Constraint, Estimate, Fit, Termination};
+use std::fmt::Write;
+
+const PAGE_STYLE: &str = include_str!("page.css");
+
+/// A measurement of one material, as the page shows it.
+///
+/// All text may come from outside: it is made safe here.
+#[derive(Clone, Debug)]
+pub struct Report<'a> {
+    /// Name of the material.
+    pub material: &'a str,
+    /// Index of the material over that of its surroundings.
+    pub eta: f64,
+    /// Its standard uncertainty; 0 if it was taken as exact.
+    pub u_eta: f64,
+    /// Name of the forward model, as in the table of materials.
+    pub model: &'a str,
+    /// What the total reflectance did to the fit.
+    pub constraint: Constraint,
+    /// The channels, in the order in which they are shown.
+    pub channels: Vec<ChannelReport<'a>>,
+    /// What a user should know of the measurement as a whole, one sentence each. The warnings of
+    /// the fits are taken from the fits.
+    pub warnings: Vec<String>,
+    /// Defaults and estimates that stood in for what was not given, one sentence each.
+    pub assumptions: Vec<String>,
+    /// What became of the frames: used, saturated, masked; one sentence each.
+    pub merge: Vec<String>,
+    /// Name and version of the program.
+    pub tool: &'a str,
+    /// The files that were read.
+    pub inputs: Vec<Input>,
+}
+
+/// A file that was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Its name as the capture gives it; no absolute path.
+    pub name: String,
+    /// BLAKE3 of its bytes, in hexadecimal.
+    pub blake3: String,
+}
+
+/// The page of `report`: one HTML file without script that loads nothing, follows the reader's
+/// choice of light or dark, and prints.
+///
+/// It is well-formed XML as well.
+pub fn report_html(report: &Report) -> String {
+    let mut out = String::new();
+    let material = escaped(report.material);
+    // The policy makes "loads nothing" a promise that the browser keeps.
+    let _ = write!(
+        out,
+        "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n\
+         <meta charset=\"utf-8\"/>\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src \
+         'unsafe-inline'\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+         <title>{material} – beamspot report</title>\n\
+         <style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n<h1>{material}</h1>\n{}",
+        lead(report)
+    );
+    warnings(&mut out, report);
+    coefficients(&mut out, report);
+    lengths(&mut out, report);
+    fits(&mut out, report);
+    totals(&mut out, report);
+    if report.channels.iter().any(|c| c.truth.is_some()) {
+        truths(&mut out, report);
+    }
+    out.push_str("<h2>Profiles, fits and residuals</h2>\n");
+    for channel in &report.channels {
+        let _ = writeln!(
+            out,
+            "<figure>\n{}</figure>",
+            drawing(report.material, channel, "")
+        );
+    }
+    list(&mut out, "Frames", &report.merge);
+    list(&mut out, "Assumptions", &report.assumptions);
+    provenance(&mut out, report);
+    out.push_str("</body>\n</html>\n");
+    out
+}
+
+fn lead(report: &Report) -> String {
+    let total = match report.constraint {
+        Constraint::Exact => "the total reflectance taken as exact",
+        Constraint::Joint => {
+            "the total reflectance as one more datum, which shares its scale with the profile"
+        }
+        Constraint::None => "the profile alone, without its total",
+    };
+    format!(
+        "<p>Relative refractive index η = {}. Model <b>{}</b>, fitted with {total}.</p>\n\
+         <p class=\"quiet\">± is the standard uncertainty (one sigma). Coefficients are of a \
+         homogeneous medium; lengths are in mm.</p>\n",
+        uncertain(report.eta, report.u_eta),
+        escaped(report.model)
+    )
+}
+
+fn warnings(out: &mut String, report: &Report) {
+    let mut items: Vec<String> = report.warnings.iter().map(|w| sentence(w)).collect();
+    for channel in &report.channels {
+        let name = escaped(&channel.name());
+        if channel.fit.termination == Termination::OutOfEvaluations {
+            items.push(format!(
+                "<b>{name}</b>: the search stopped before it converged; the numbers are its best \
+                 so far"
+            ));
+        }
+        let sentences = channel
+            .fit
+            .warnings
+            .iter()
+            .map(|w| sentence(&w.to_string()));
+        items.extend(sentences.map(|w| format!("<b>{name}</b>: {w}")));
+    }
+    if items.is_empty() {
+        return;
+    }
+    out.push_str("<section class=\"warnings\">\n<h2>Warnings</h2>\n<ul>\n");
+    for item in items {
+        let _ = writeln!(out, "<li>{item}</li>");
+    }
+    out.push_str("</ul>\n</section>\n");
+}
+
+/// A table with one line per channel under what it says; the cells are HTML already.
+fn table(out: &mut String, about: &str, header: &[&str], rows: &[Vec<String>]) {
+    let _ = write!(
+        out,
+        "<p class=\"quiet\">{}</p>\n<div class=\"scroll\"><table>\n<thead><tr>",
+        html(about)
+    );
+    for cell in header {
+        let _ = write!(out, "<th scope=\"col\">{}</th>", html(cell));
+    }
+    out.push_str("</tr></thead>\n<tbody>\n");
+    for row in rows {
+        out.push_str("<tr>");
+        for (i, cell) in row.iter().enumerate() {
+            let _ = match i {
+                0 => write!(out, "<th scope=\"row\">{cell}</th>"),
+                _ => write!(out, "<td>{cell}</td>"),
+            };
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody>\n</table></div>\n");
+}
+
+fn coefficients(out: &mut String, report: &Report) {
+    let interval = |e: &Estimate| {
+        let (low, high) = e.ci95;
+        html(&format!(
+            "{} to {}",
+            significant(low, 3),
+            significant(high, 3)
+        ))
+    };
+    let rows: Vec<Vec<String>> = report
+        .channels
+        .iter()
+        .map(|c| {
+            vec![
+                escaped(&c.name()),
+                html(&c.sigma_s_prime()),
+                interval(&c.fit.sigma_s_prime),
+                match c.fit.upper_limit {
+                    Some(_) => format!("{} (upper limit)", html(&c.sigma_a())),
+                    None => html(&c.sigma_a()),
+                },
+                interval(&c.fit.sigma_a),
+                shown_correlation(c.fit),
+            ]
+        })
+        .collect();
+    out.push_str("<h2>Coefficients</h2>\n");
+    table(
+        out,
+        "Reduced scattering σₛ′ and absorption σₐ, with 95 % intervals and the correlation of \
+         their errors. An upper limit holds with 95 %.",
+        &[
+            "channel",
+            "σₛ′ (mm⁻¹)",
+            "95 %",
+            "σₐ (mm⁻¹)",
+            "95 %",
+            "correlation",
+        ],
+        &rows,
+    );
+}
+
+/// The correlation; none where a standard error is 0 or unknown.
+fn shown_correlation(fit: &Fit) -> String {
+    if fit.correlation.is_finite() {
+        fixed(fit.correlation, 3).replace('-', "−")
+    } else {
+        "unknown".to_owned()
+    }
+}
+
+fn lengths(out: &mut String, report: &Report) {
+    let rows: Vec<Vec<String>> = report
+        .channels
+        .iter()
+        .map(|c| {
+            vec![
+                escaped(&c.name()),
+                html(&c.mean_free_path()),
+                html(&c.decay_length()),
+                html(&c.albedo_prime()),
+                html(&significant(c.total_reflectance, 4)),
+            ]
+        })
+        .collect();
+    table(
+        out,
+        "What follows from them: transport mean free path 1/σₜ′ with σₜ′ = σₐ + σₛ′, decay length \
+         1/σₜᵣ with σₜᵣ² = 3 σₐ σₜ′, reduced albedo α′ = σₛ′/σₜ′, and the model's total \
+         reflectance Rᵈ of the light that enters.",
+        &["channel", "1/σₜ′ (mm)", "1/σₜᵣ (mm)", "α′", "Rᵈ"],
+        &rows,
+    );
+}
+
+fn fits(out: &mut String, report: &Report) {
+    let row = |c: &ChannelReport| {
+        let fit = c.fit;
+        let (start, end) = fit.range_mm;
+        let termination = match fit.termination {
+            Termination::Converged => "converged",
+            Termination::AtBound => "ended at σₐ = 0",
+            Termination::OutOfEvaluations => "stopped early",
+        };
+        vec![
+            escaped(&c.name()),
+            html(&format!(
+                "{} to {}",
+                significant(start, 3),
+                significant(end, 3)
+            )),
+            format!("{} of {}", fit.residuals.len(), c.profile.points.len()),
+            html(&shown_chi2(fit.reduced_chi2)),
+            html(termination),
+            fit.evaluations.to_string(),
+        ]
+    };
+    out.push_str("<h2>Quality of the fit</h2>\n");
+    table(
+        out,
+        "The radii that took part, how many of the measured points lie there, and χ² per degree \
+         of freedom: 1 where the residuals are as large as their noise.",
+        &[
+            "channel",
+            "range (mm)",
+            "points",
+            "reduced χ²",
+            "search",
+            "evaluations",
+        ],
+        &report.channels.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
+fn totals(out: &mut String, report: &Report) {
+    let row = |c: &ChannelReport| {
+        let fit = c.fit;
+        let (measured, model, circle) = match &fit.total {
+            Some(total) => (
+                uncertain(total.measured, total.u),
+                significant(total.model * fit.scale, 4),
+                total
+                    .radius_max_mm
+                    .map_or("whole plane".to_owned(), |r| significant(r, 3)),
+            ),
+            None => ("not given".to_owned(), "–".to_owned(), "–".to_owned()),
+        };
+        let outside = format!("{} %", significant(100.0 * fit.share_outside, 2));
+        let cells = [measured, model, circle, significant(fit.scale, 4), outside];
+        std::iter::once(escaped(&c.name()))
+            .chain(cells.iter().map(|c| html(c)))
+            .collect()
+    };
+    out.push_str("<h2>Total reflectance</h2>\n");
+    table(
+        out,
+        "Per incident power, inside the circle of the measured one. Its u is its own part alone; \
+         the scale, which it shares with the profile, is fitted along, and the model's total \
+         includes it. By the model so much of the light leaves beyond the last radius.",
+        &[
+            "channel",
+            "measured",
+            "model",
+            "within (mm)",
+            "scale",
+            "light beyond",
+        ],
+        &report
+            .channels
+            .iter()
+            .map(row)
+            .collect::<Vec<Vec<String>>>(),
+    );
+}
+
+/// The fit beside the coefficients that made the data.
+fn truths(out: &mut String, report: &Report) {
+    let pull = |e: &Estimate, truth: f64| {
+        let pull = (e.value - truth) / e.u;
+        if pull.is_finite() {
+            format!("{} u", fixed(pull, 2).replace('-', "−"))
+        } else {
+            "–".to_owned()
+        }
+    };
+    let rows: Vec<Vec<String>> = report
+        .channels
+        .iter()
+        .filter_map(|c| c.truth.map(|truth| (c, truth)))
+        .map(|(c, truth)| {
+            vec![
+                escaped(&c.name()),
+                html(&significant(truth.sigma_s_prime, 4)),
+                pull(&c.fit.sigma_s_prime, truth.sigma_s_prime),
+                html(&significant(truth.sigma_a, 4)),
+                match c.fit.upper_limit {
+                    Some(limit) if truth.sigma_a <= limit => "below the limit".to_owned(),
+                    Some(_) => "above the limit".to_owned(),
+                    None => pull(&c.fit.sigma_a, truth.sigma_a),
+                },
+            ]
+        })
+        .collect();
+    out.push_str("<h2>Against the truth</h2>\n");
+    table(
+        out,
+        "The coefficients that the synthetic data were made with, and how far the fit is from \
+         them in its own standard uncertainties.",
+        &[
+            "channel",
+            "true σₛ′ (mm⁻¹)",
+            "off by",
+            "true σₐ (mm⁻¹)",
+            "off by",
+        ],
+        &rows,
+    );
+}
+
+fn list(out: &mut String, heading: &str, items: &[String]) {
+    if items.is_empty() {
+        return;
+    }
+    let _ = write!(out, "<h2>{heading}</h2>\n<ul>\n");
+    for item in items {
+        let _ = writeln!(out, "<li>{}</li>", sentence(item));
+    }
+    out.push_str("</ul>\n");
+}
+
+fn provenance(out: &mut String, report: &Report) {
+    let _ = write!(
+        out,
+        "<h2>Provenance</h2>\n<p>Made by {}.</p>\n",
+        escaped(report.tool)
+    );
+    if report.inputs.is_empty() {
+        return;
+    }
+    out.push_str(
+        "<div class=\"scroll\"><table>\n<thead><tr><th \
+         scope=\"col\">file read</th><th scope=\"col\">BLAKE3</th></tr></thead>\n<tbody>\n",
+    );
+    for Input { name, blake3 } in &report.inputs {
+        let _ = writeln!(
+            out,
+            "<tr><td class=\"file\">{}</td><td class=\"hash\">{}</td></tr>",
+            escaped(name),
+            escaped(blake3)
+        );
+    }
+    out.push_str("</tbody>\n</table></div>\n");
+}
