@@ -1,1 +1,3 @@
-//! What crosses crates.
+//! What crosses crates: the floors, the main job, the command line and its answers to bad input.
+
+mod recovery;

@@ -515,8 +515,8 @@ def test_optimum_is_that_of_scipy_and_nlopt(cases):
     print(f"converged: {converged} of {len(cases)} fits; starts that did not: {len(failed)}")
     print("\n".join(failed))
     assert not wrong, "\n".join(wrong)
-    # A check that nothing passes through is no check.
-    assert all(count >= 60 for count in converged.values()), f"{converged}\n" + "\n".join(failed)
+    # All 72 do today; a check that few fits pass through would be none.
+    assert all(count >= 68 for count in converged.values()), f"{converged}\n" + "\n".join(failed)
 
 
 def albedo_prime(total, a):
@@ -616,7 +616,8 @@ def write_point_profile(path, eta, media, a):
             for i, (r, value) in enumerate(zip(radii, values)):
                 measured = scale * value * (1 + 0.004 * (i * i % 7 - 3))
                 u = 0.01 * value + 1e-7
-                writer.writerow([channel, repr(float(r)), repr(float(measured)), repr(float(u)), ""])
+                numbers = [repr(float(number)) for number in (r, measured, u)]
+                writer.writerow([channel, *numbers, ""])
 
 
 def joint_fit(points, total, u_total, eta, a, start):

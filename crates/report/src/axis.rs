@@ -27,6 +27,8 @@ pub(crate) struct Tick {
 
 /// Less than this would leave an axis with a single label.
 const LEAST_LOG_SPAN: f64 = 4.0;
+/// More than this no eye can follow, and no arithmetic.
+const MOST_LOG_SPAN: f64 = 1e30;
 /// Up to here 1, 2 and 5 of each decade are labelled, where that takes no power of ten.
 const PLAIN_125_DECADES: f64 = 3.5;
 /// And where it does.
@@ -38,7 +40,8 @@ impl Axis {
     pub(crate) fn logarithmic(values: impl IntoIterator<Item = f64>, px: (f64, f64)) -> Self {
         let usable = values.into_iter().filter(|v| v.is_normal() && *v > 0.0);
         let (low, high) = extent(usable).unwrap_or((0.1, 10.0));
-        let (low, high) = (low.max(1e-290), high.clamp(1e-290, 1e290));
+        let high = high.clamp(1e-250, 1e290);
+        let low = low.max(high / MOST_LOG_SPAN);
         let missing = (LEAST_LOG_SPAN / (high / low)).max(1.0).sqrt();
         let margin = (high / low).powf(0.03).max(1.05);
         Self {

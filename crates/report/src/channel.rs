@@ -1,6 +1,6 @@
 //! What is shown of one channel, and what follows from its fit.
 
-use crate::number::{at_least, at_most, fixed, significant, uncertain};
+use crate::number::{at_least, at_most, exact, fixed, uncertain};
 use fit::Fit;
 use physics::{Coefficients, RadialProfile};
 
@@ -36,7 +36,7 @@ impl ChannelReport<'_> {
     pub(crate) fn name(&self) -> String {
         match self.wavelength_nm {
             Some(wavelength) => {
-                format!("{}, {} nm", self.fit.channel, significant(wavelength, 4))
+                format!("{}, {} nm", self.fit.channel, exact(wavelength))
             }
             None => self.fit.channel.clone(),
         }
@@ -168,48 +168,49 @@ mod tests {
         })
     }
 
-    /// Marble green, by hand: the figures that the field guide prints for it, and uncertainties
-    /// from differences of the definitions.
+    /// Marble green: the figures that the field guide prints for it.
     #[test]
     fn what_follows_from_the_coefficients() {
         let fit = green(0.0041, None);
         assert_eq!(shown(&fit, |c| c.mean_free_path()), "0.3811 ± 0.0029");
         assert_eq!(shown(&fit, |c| c.decay_length()), "5.566 ± 0.050");
         assert_eq!(shown(&fit, |c| c.albedo_prime()), "0.998438 ± 0.000049");
+    }
 
-        // Draws from the covariance would do; its square root's columns do the same exactly to
-        // first order.
+    /// Against differences of the definitions along the columns of a root of the covariance, for
+    /// a medium that scatters and one that absorbs as much.
+    #[test]
+    fn uncertainties_propagate_with_their_correlation() {
         let (u_a, u_s, rho) = (0.0001, 0.02, -0.9_f64);
         let columns = [(u_a, rho * u_s), (0.0, (1.0 - rho * rho).sqrt() * u_s)];
-        let spread = |quantity: &dyn Fn(f64, f64) -> f64| {
-            let half = |(a, s): (f64, f64)| {
-                let step = 1e-3;
-                (quantity(0.0041 + step * a, 2.62 + step * s)
-                    - quantity(0.0041 - step * a, 2.62 - step * s))
-                    / (2.0 * step)
+        for (a, u_a_scale) in [(0.0041, 1.0), (2.5, 300.0)] {
+            let mut fit = green(a, None);
+            fit.sigma_a.u = u_a_scale * u_a;
+            let spread = |quantity: &dyn Fn(f64, f64) -> f64| {
+                let slope = |(da, ds): (f64, f64)| {
+                    let (da, ds) = (1e-3 * u_a_scale * da, 1e-3 * ds);
+                    (quantity(a + da, 2.62 + ds) - quantity(a - da, 2.62 - ds)) / 2e-3
+                };
+                columns.map(slope).iter().map(|s| s * s).sum::<f64>().sqrt()
             };
-            columns.map(half).iter().map(|h| h * h).sum::<f64>().sqrt()
-        };
-        let digits = |text: String| text.split(" ± ").nth(1).unwrap().parse::<f64>().unwrap();
-        for (text, expected) in [
-            (
-                shown(&fit, |c| c.mean_free_path()),
-                spread(&|a, s| 1.0 / (a + s)),
-            ),
-            (
-                shown(&fit, |c| c.decay_length()),
-                spread(&|a, s| (3.0 * a * (a + s)).powf(-0.5)),
-            ),
-            (
-                shown(&fit, |c| c.albedo_prime()),
-                spread(&|a, s| s / (a + s)),
-            ),
-        ] {
-            // Two digits are shown: half a unit of the second is at most 5 %.
-            assert!(
-                (digits(text.clone()) / expected - 1.0).abs() < 0.05,
-                "{text} {expected}"
-            );
+            for (text, expected) in [
+                (
+                    shown(&fit, |c| c.mean_free_path()),
+                    spread(&|a, s| 1.0 / (a + s)),
+                ),
+                (
+                    shown(&fit, |c| c.decay_length()),
+                    spread(&|a, s| (3.0 * a * (a + s)).powf(-0.5)),
+                ),
+                (
+                    shown(&fit, |c| c.albedo_prime()),
+                    spread(&|a, s| s / (a + s)),
+                ),
+            ] {
+                let u: f64 = text.split(" ± ").nth(1).unwrap().parse().unwrap();
+                // Two digits are shown: half a unit of the second is at most 5 %.
+                assert!((u / expected - 1.0).abs() < 0.05, "{a}: {text} {expected}");
+            }
         }
     }
 

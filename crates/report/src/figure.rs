@@ -3,7 +3,7 @@
 use crate::axis::Axis;
 use crate::channel::ChannelReport;
 use crate::markup::{escaped, svg};
-use crate::number::{fixed, significant};
+use crate::number::{exact, fixed, significant};
 use physics::ProfilePoint;
 use std::fmt::Write;
 
@@ -42,9 +42,10 @@ pub fn figure_svg(material: &str, channel: &ChannelReport) -> String {
 pub(crate) fn drawing(material: &str, channel: &ChannelReport, style: &str) -> String {
     let heading = format!("{material} · {}", channel.name());
     let mut out = String::new();
+    // Without xml:space some viewers drop the spaces beside raised and lowered letters.
     let _ = write!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" role=\"img\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" class=\"figure\" role=\"img\" \
          viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" \
          aria-label=\"{0}: radial profile, fit and residuals\">\n\
          <title>{0}: radial profile, fit and residuals</title>\n",
@@ -378,8 +379,8 @@ impl<'a> Plot<'a> {
         if let Some(truth) = channel.truth {
             lines.push(format!(
                 "true: σₛ′ = {}, σₐ = {} mm⁻¹",
-                significant(truth.sigma_s_prime, 4),
-                significant(truth.sigma_a, 4)
+                exact(truth.sigma_s_prime),
+                exact(truth.sigma_a)
             ));
         }
         let first = PROFILE.1 - 14.0 - 19.0 * (lines.len() - 1) as f64;

@@ -41,8 +41,7 @@ pub(crate) fn svg(text: &str) -> String {
         };
         let dy = target - height;
         height = target;
-        // Some viewers drop a plain space at the edge of a tspan.
-        let run = escaped(&run).replace(' ', "\u{a0}");
+        let run = escaped(&run);
         if dy == 0.0 {
             run
         } else {
@@ -128,7 +127,7 @@ mod tests {
         assert_eq!(
             svg("σₐ⁻ b"),
             format!(
-                "σ<{small} dy=\"3.5\">a</tspan><{small} dy=\"-8\">−</tspan><tspan dy=\"4.5\">\u{a0}b</tspan>"
+                "σ<{small} dy=\"3.5\">a</tspan><{small} dy=\"-8\">−</tspan><tspan dy=\"4.5\"> b</tspan>"
             )
         );
     }

@@ -28,7 +28,7 @@ pub fn uncertain(value: f64, u: f64) -> String {
         return format!("{} ± {UNKNOWN}", significant(value, 3));
     }
     if u == 0.0 || u < NEGLIGIBLE * value.abs() {
-        return significant(value, 6);
+        return exact(value);
     }
     let size = value.abs().max(u);
     if (SMALL..LARGE).contains(&size) {
@@ -36,9 +36,7 @@ pub fn uncertain(value: f64, u: f64) -> String {
         return format!("{} ± {}", fixed(value, places), fixed(u, places));
     }
     let exponent = exponent(size, 3);
-    // Two steps: a single power of ten below 1e-308 would be 0.
-    let scaled = |x: f64| x * 10f64.powi(-exponent / 2) * 10f64.powi(-exponent - -exponent / 2);
-    let (value, u) = (scaled(value), scaled(u));
+    let (value, u) = (scaled(value, exponent), scaled(u, exponent));
     let places = places(u, 2);
     format!(
         "({} ± {}) × {}",
@@ -75,6 +73,49 @@ pub fn significant(value: f64, digits: usize) -> String {
     )
 }
 
+/// `low to high`, both to the place where they tell an uncertainty of two digits.
+pub(crate) fn interval((low, high): (f64, f64)) -> String {
+    // A 95 % interval is about four standard uncertainties wide.
+    let u = (high - low) / 4.0;
+    if !(u.is_finite() && u > NEGLIGIBLE * high.abs()) {
+        return format!("{} to {}", exact(low), exact(high));
+    }
+    let size = low.abs().max(high.abs());
+    if (SMALL..LARGE).contains(&size) {
+        let places = places(u, 2);
+        return format!("{} to {}", fixed(low, places), fixed(high, places));
+    }
+    let exponent = exponent(size, 3);
+    let (low, high, u) = (
+        scaled(low, exponent),
+        scaled(high, exponent),
+        scaled(u, exponent),
+    );
+    let places = places(u, 2);
+    format!(
+        "({} to {}) × {}",
+        fixed(low, places),
+        fixed(high, places),
+        power_of_ten(exponent)
+    )
+}
+
+/// A value that somebody chose: to six significant digits, without zeros at the end.
+pub(crate) fn exact(value: f64) -> String {
+    let text = significant(value, 6);
+    let (digits, power) = text.split_once(" × ").unwrap_or((&text, ""));
+    let short = if digits.contains('.') {
+        digits.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        digits
+    };
+    if power.is_empty() {
+        short.to_owned()
+    } else {
+        format!("{short} × {power}")
+    }
+}
+
 /// `< limit`, the limit to two significant digits and never below what it was.
 pub fn at_most(limit: f64) -> String {
     format!("< {}", significant(rounded(limit, f64::ceil), 2))
@@ -101,6 +142,12 @@ fn rounded(limit: f64, direction: impl Fn(f64) -> f64) -> f64 {
     }
 }
 
+/// `value` over a power of ten, in two steps: a single power below 1e-308 would be 0.
+fn scaled(value: f64, exponent: i32) -> f64 {
+    let half = -exponent / 2;
+    value * 10f64.powi(half) * 10f64.powi(-exponent - half)
+}
+
 /// Power of ten of the first digit of `value`, after rounding to `digits` significant digits.
 fn exponent(value: f64, digits: usize) -> i32 {
     let text = format!("{value:.*e}", digits - 1);
@@ -116,6 +163,9 @@ fn places(value: f64, digits: usize) -> i32 {
 
 /// `value` to so many decimal places, without the sign of a rounded zero.
 pub(crate) fn fixed(value: f64, places: i32) -> String {
+    if !value.is_finite() {
+        return UNKNOWN.to_owned();
+    }
     let text = if places >= 0 {
         format!("{value:.*}", places as usize)
     } else {
@@ -156,8 +206,8 @@ mod tests {
             (0.00001, 0.00034, "0.00001 ± 0.00034"),
             (-0.00001, 0.0034, "0.0000 ± 0.0034"),
             (0.0, 0.0, "0"),
-            (0.038, 0.0, "0.0380000"),
-            (1.0, 1e-300, "1.00000"),
+            (0.038, 0.0, "0.038"),
+            (1.0, 1e-300, "1"),
             (1.2e-7, 3.4e-9, "(1.200 ± 0.034) × 10⁻⁷"),
             (2.5e9, 1e7, "(2.500 ± 0.010) × 10⁹"),
             (9.999e-5, 1e-6, "(1.000 ± 0.010) × 10⁻⁴"),
@@ -186,6 +236,28 @@ mod tests {
         assert_eq!(at_least(58.9), "> 58");
         assert_eq!(at_least(1234.0), "> 1200");
         assert_eq!(at_most(0.1 + 0.2), "< 0.30");
+    }
+
+    #[test]
+    fn intervals_show_their_width() {
+        assert_eq!(interval((11.5818, 11.6137)), "11.5818 to 11.6137");
+        assert_eq!(interval((0.0, 0.0612)), "0.000 to 0.061");
+        assert_eq!(interval((0.0, 1.01e-5)), "(0.00 to 1.01) × 10⁻⁵");
+        assert_eq!(interval((2.5, 2.5)), "2.5 to 2.5");
+        assert_eq!(interval((0.0, f64::INFINITY)), "0 to unknown");
+    }
+
+    #[test]
+    fn chosen_values_have_no_zeros_at_the_end() {
+        for (value, expected) in [
+            (0.0041, "0.0041"),
+            (0.1 + 0.2, "0.3"),
+            (20.0, "20"),
+            (2.5e-7, "2.5 × 10⁻⁷"),
+            (0.0, "0"),
+        ] {
+            assert_eq!(exact(value), expected);
+        }
     }
 
     #[test]

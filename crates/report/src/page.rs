@@ -3,8 +3,8 @@
 use crate::channel::ChannelReport;
 use crate::figure::{STYLE, drawing, shown_chi2};
 use crate::markup::{escaped, html, sentence};
-use crate::number::{fixed, significant, uncertain};
-use fit::{Constraint, Estimate, Fit, Termination};
+use crate::number::{exact, fixed, interval, significant, uncertain};
+use fit::{Constraint, Estimate, Termination};
 use std::fmt::Write;
 
 const PAGE_STYLE: &str = include_str!("page.css");
@@ -159,14 +159,7 @@ fn table(out: &mut String, about: &str, header: &[&str], rows: &[Vec<String>]) {
 }
 
 fn coefficients(out: &mut String, report: &Report) {
-    let interval = |e: &Estimate| {
-        let (low, high) = e.ci95;
-        html(&format!(
-            "{} to {}",
-            significant(low, 3),
-            significant(high, 3)
-        ))
-    };
+    let interval = |e: &Estimate| html(&interval(e.ci95));
     let rows: Vec<Vec<String>> = report
         .channels
         .iter()
@@ -175,12 +168,9 @@ fn coefficients(out: &mut String, report: &Report) {
                 escaped(&c.name()),
                 html(&c.sigma_s_prime()),
                 interval(&c.fit.sigma_s_prime),
-                match c.fit.upper_limit {
-                    Some(_) => format!("{} (upper limit)", html(&c.sigma_a())),
-                    None => html(&c.sigma_a()),
-                },
+                html(&c.sigma_a()),
                 interval(&c.fit.sigma_a),
-                shown_correlation(c.fit),
+                fixed(c.fit.correlation, 3).replace('-', "−"),
             ]
         })
         .collect();
@@ -188,7 +178,7 @@ fn coefficients(out: &mut String, report: &Report) {
     table(
         out,
         "Reduced scattering σₛ′ and absorption σₐ, with 95 % intervals and the correlation of \
-         their errors. An upper limit holds with 95 %.",
+         their errors. The sign < marks an upper limit, which holds with 95 %.",
         &[
             "channel",
             "σₛ′ (mm⁻¹)",
@@ -199,15 +189,6 @@ fn coefficients(out: &mut String, report: &Report) {
         ],
         &rows,
     );
-}
-
-/// The correlation; none where a standard error is 0 or unknown.
-fn shown_correlation(fit: &Fit) -> String {
-    if fit.correlation.is_finite() {
-        fixed(fit.correlation, 3).replace('-', "−")
-    } else {
-        "unknown".to_owned()
-    }
 }
 
 fn lengths(out: &mut String, report: &Report) {
@@ -331,9 +312,9 @@ fn truths(out: &mut String, report: &Report) {
         .map(|(c, truth)| {
             vec![
                 escaped(&c.name()),
-                html(&significant(truth.sigma_s_prime, 4)),
+                html(&exact(truth.sigma_s_prime)),
                 pull(&c.fit.sigma_s_prime, truth.sigma_s_prime),
-                html(&significant(truth.sigma_a, 4)),
+                html(&exact(truth.sigma_a)),
                 match c.fit.upper_limit {
                     Some(limit) if truth.sigma_a <= limit => "below the limit".to_owned(),
                     Some(_) => "above the limit".to_owned(),

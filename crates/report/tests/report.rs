@@ -1,0 +1,407 @@
+//! What is drawn and written holds together, whatever goes in.
+
+#[path = "../examples/figure/synthetic.rs"]
+mod synthetic;
+
+use fit::{Constraint, Estimate, Fit, Residual, Termination, Warning};
+use physics::{Coefficients, ProfilePoint, RadialProfile};
+use report::{ChannelReport, CurvePoint, Input, Report, figure_svg, report_html};
+use roxmltree::{Document, Node, ParsingOptions};
+
+const MARBLE_GREEN: Coefficients = Coefficients {
+    sigma_a: 0.0041,
+    sigma_s_prime: 2.62,
+};
+
+fn page<'a>(material: &'a str, channels: Vec<ChannelReport<'a>>) -> Report<'a> {
+    Report {
+        material,
+        eta: 1.5,
+        u_eta: 0.01,
+        model: "dipole",
+        constraint: Constraint::Joint,
+        channels,
+        warnings: vec![],
+        assumptions: vec![],
+        merge: vec![],
+        tool: "beamspot 0.1.0",
+        inputs: vec![],
+    }
+}
+
+/// Parses `text`, which is well-formed then, and checks that it refers to nothing outside itself
+/// and holds no number that is none.
+fn parsed(text: &str) -> Document<'_> {
+    let options = ParsingOptions {
+        allow_dtd: true,
+        ..ParsingOptions::default()
+    };
+    let document = Document::parse_with_options(text, options).expect("well-formed XML");
+    for node in document.descendants() {
+        assert!(!matches!(
+            node.tag_name().name(),
+            "script" | "image" | "img" | "link" | "a"
+        ));
+        for attribute in node.attributes() {
+            let (name, value) = (attribute.name(), attribute.value());
+            assert!(
+                !matches!(name, "href" | "src" | "id") && !name.starts_with("on"),
+                "{name}"
+            );
+            assert!(
+                !value.contains("NaN") && !value.contains("inf"),
+                "{name}=\"{value}\""
+            );
+            assert!(
+                name == "content" || !value.contains("e-"),
+                "{name}=\"{value}\""
+            );
+        }
+        for shown in node
+            .text()
+            .into_iter()
+            .filter(|_| node.tag_name().name() != "style")
+        {
+            assert!(!shown.contains("NaN") && !shown.contains("inf "), "{shown}");
+        }
+    }
+    assert!(!text.contains("url(") && !text.contains("@import"));
+    document
+}
+
+/// All the text of a node, elements within it ignored.
+fn text_of(node: Node) -> String {
+    node.descendants()
+        .filter(Node::is_text)
+        .filter_map(|n| n.text())
+        .collect()
+}
+
+fn shows(document: &Document, wanted: &str) -> bool {
+    let text = |n: &Node| {
+        matches!(
+            n.tag_name().name(),
+            "text" | "td" | "th" | "li" | "p" | "h1"
+        )
+    };
+    document
+        .descendants()
+        .filter(text)
+        .any(|n| text_of(n).contains(wanted))
+}
+
+#[test]
+fn a_figure_shows_every_point_and_says_what_it_shows() {
+    let green = synthetic::channel("G", MARBLE_GREEN, 1.5, 1).unwrap();
+    let svg = figure_svg("Marble", &green.report());
+    let document = parsed(&svg);
+    let circles = document
+        .descendants()
+        .filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", "circle")));
+    // Each point above, each fitted one once more as a residual, and two signs in the legend.
+    let points = green.profile.points.len() + green.fit.residuals.len() + 2;
+    assert_eq!(circles.count(), points);
+    for wanted in [
+        "Marble · G",
+        "distance from the beam r (mm)",
+        "residual / u",
+        "fitted range",
+    ] {
+        assert!(shows(&document, wanted), "{wanted}");
+    }
+    assert!(shows(&document, "diffuse reflectance Rd (mm−2)"));
+    assert!(shows(
+        &document,
+        &format!("reduced χ2 = {:.2}", green.fit.reduced_chi2)
+    ));
+    assert!(shows(&document, "true: σs′ = 2.62, σa = 0.0041 mm−1"));
+}
+
+#[test]
+fn a_point_stands_where_its_axes_put_it() {
+    let green = synthetic::channel("G", MARBLE_GREEN, 1.5, 1).unwrap();
+    let svg = figure_svg("Marble", &green.report());
+    let document = parsed(&svg);
+    let number = |n: Node, name: &str| n.attribute(name).unwrap().parse::<f64>().unwrap();
+    // The places of two labelled ticks give the scale of an axis, independently of its code.
+    let label = |text: &str, class: &str, along: &str| {
+        let labels = |n: &Node| n.attribute("class") == Some(class) && text_of(*n) == text;
+        number(document.descendants().find(labels).unwrap(), along)
+    };
+    let (one, ten) = (label("1", "middle", "x"), label("10", "middle", "x"));
+    let baseline = 4.5;
+    let (centi, milli) = (
+        label("10−2", "end", "y") - baseline,
+        label("10−3", "end", "y") - baseline,
+    );
+    let expected: Vec<(f64, f64)> = green
+        .profile
+        .points
+        .iter()
+        .map(|p| {
+            (
+                one + (ten - one) * p.radius_mm.log10(),
+                centi + (milli - centi) * (-2.0 - p.reflectance_per_mm2.log10()),
+            )
+        })
+        .collect();
+    // Above zero stands what was measured above the model.
+    let (zero, two) = (
+        label("0", "end", "y") - baseline,
+        label("2", "end", "y") - baseline,
+    );
+    let residuals = green.fit.residuals.iter().map(|r| {
+        let z = (r.measured_per_mm2 - r.model_per_mm2) / r.u_per_mm2;
+        (
+            one + (ten - one) * r.radius_mm.log10(),
+            zero + 0.5 * (two - zero) * z,
+        )
+    });
+    let drawn: Vec<(f64, f64)> = document
+        .descendants()
+        .filter(|n| n.attribute("cx").is_some() && n.attribute("class").is_none())
+        .map(|n| (number(n, "cx"), number(n, "cy")))
+        .collect();
+    for (x, y) in expected.into_iter().chain(residuals) {
+        // Coordinates have two decimals, and so have the ticks that scaled them.
+        let near = |(cx, cy): &(f64, f64)| (cx - x).abs() < 0.05 && (cy - y).abs() < 0.05;
+        assert!(drawn.iter().any(near), "nothing at {x} {y}");
+    }
+}
+
+#[test]
+fn the_same_in_gives_the_same_out() {
+    let make = || {
+        let green = synthetic::channel("G", MARBLE_GREEN, 1.5, 1).unwrap();
+        report_html(&page("Marble", vec![green.report()]))
+    };
+    assert_eq!(make(), make());
+}
+
+#[test]
+fn text_from_outside_stays_text() {
+    let evil = "</title><script>alert('1')</script>\u{0}\u{1b}[31m\"&amp;";
+    let mut green = synthetic::channel("G", MARBLE_GREEN, 1.5, 1).unwrap();
+    green.fit.channel = evil.to_owned();
+    parsed(&figure_svg(evil, &green.report()));
+    let report = Report {
+        model: evil,
+        warnings: vec![evil.to_owned()],
+        assumptions: vec![evil.to_owned()],
+        merge: vec![evil.to_owned()],
+        tool: evil,
+        inputs: vec![Input {
+            name: evil.to_owned(),
+            blake3: evil.to_owned(),
+        }],
+        ..page(evil, vec![green.report()])
+    };
+    let html = report_html(&report);
+    assert!(!html.contains("<script"));
+    let document = parsed(&html);
+    // It is there for all to read, apart from what no document may hold.
+    assert!(shows(
+        &document,
+        "</title><script>alert('1')</script>\u{fffd}\u{fffd}[31m\"&amp;"
+    ));
+}
+
+#[test]
+fn the_page_holds_every_channel_and_every_line_it_was_given() {
+    let channels: Vec<_> = [("R", 2.19, 0.0021), ("G", 2.62, 0.0041), ("B", 3.0, 0.0071)]
+        .into_iter()
+        .map(|(name, sigma_s_prime, sigma_a)| {
+            synthetic::channel(
+                name,
+                Coefficients {
+                    sigma_a,
+                    sigma_s_prime,
+                },
+                1.5,
+                7,
+            )
+            .unwrap()
+        })
+        .collect();
+    let mut report = page("Marble", channels.iter().map(|c| c.report()).collect());
+    report.warnings = vec!["u_eta is large, and sigma_a feels it".to_owned()];
+    report.assumptions = vec!["no reference.sigma_a was given".to_owned()];
+    report.merge = vec!["13 of 13 frames".to_owned()];
+    report.inputs = vec![Input {
+        name: "a.tif".to_owned(),
+        blake3: "af13".to_owned(),
+    }];
+    let html = report_html(&report);
+    let document = parsed(&html);
+    assert_eq!(
+        document
+            .descendants()
+            .filter(|n| n.tag_name().name() == "svg" && n.attribute("role").is_some())
+            .count(),
+        3
+    );
+    for wanted in [
+        "u_eta is large, and σa feels it",
+        "13 of 13 frames",
+        "a.tif",
+        "af13",
+        "η = 1.500 ± 0.010",
+    ] {
+        assert!(shows(&document, wanted), "{wanted}");
+    }
+    for channel in &channels {
+        let fit = &channel.fit;
+        let wanted = report::uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u);
+        assert!(shows(&document, &wanted), "{wanted}");
+    }
+}
+
+/// A fit and a profile in which everything is odd.
+fn odd(points: &[(f64, f64, f64)], number: f64) -> (Fit, RadialProfile) {
+    let estimate = Estimate {
+        value: number,
+        u: number,
+        ci95: (number, number),
+    };
+    let profile = RadialProfile {
+        channel: String::new(),
+        points: points
+            .iter()
+            .map(|&(radius_mm, value, u)| ProfilePoint {
+                ring_mm: None,
+                radius_mm,
+                reflectance_per_mm2: value,
+                u_reflectance_per_mm2: u,
+                pixels: None,
+            })
+            .collect(),
+    };
+    let fit = Fit {
+        channel: String::new(),
+        sigma_a: estimate,
+        sigma_s_prime: estimate,
+        correlation: number,
+        upper_limit: None,
+        total: None,
+        scale: number,
+        range_mm: (number, number),
+        share_outside: number,
+        reduced_chi2: number,
+        evaluations: 0,
+        termination: Termination::OutOfEvaluations,
+        warnings: vec![Warning::LowAlbedo { albedo_prime: 0.1 }],
+        residuals: points
+            .iter()
+            .map(|&(radius_mm, measured_per_mm2, u_per_mm2)| Residual {
+                radius_mm,
+                measured_per_mm2,
+                u_per_mm2,
+                model_per_mm2: number,
+            })
+            .collect(),
+    };
+    (fit, profile)
+}
+
+#[test]
+fn odd_numbers_leave_no_trace() {
+    let (nan, inf) = (f64::NAN, f64::INFINITY);
+    let profiles = [
+        vec![],
+        vec![(1.0, 1.0, 0.1)],
+        vec![(0.0, 1.0, 0.1), (1.0, 0.0, 0.0), (2.0, -1.0, 0.1)],
+        vec![(1.0, -3.0, 0.1), (2.0, -1.0, 0.1), (3.0, -1e-300, 1e-300)],
+        vec![
+            (nan, 1.0, 0.1),
+            (1.0, nan, 0.1),
+            (2.0, 1.0, nan),
+            (inf, inf, inf),
+        ],
+        vec![
+            (1e-308, 1e-308, 1e308),
+            (1e308, 1e308, 1e-308),
+            (1.0, 5e-324, 5e-324),
+        ],
+    ];
+    for points in profiles {
+        for number in [0.0, 1.0, -1.0, nan, inf, -inf, 1e308, 5e-324] {
+            for upper_limit in [None, Some(number)] {
+                let (mut fit, profile) = odd(&points, number);
+                fit.upper_limit = upper_limit;
+                let curve = points.iter().map(|&(radius_mm, value, _)| CurvePoint {
+                    radius_mm,
+                    reflectance_per_mm2: value,
+                });
+                let channel = ChannelReport {
+                    fit: &fit,
+                    profile: &profile,
+                    wavelength_nm: Some(number),
+                    model_curve: curve.collect(),
+                    total_reflectance: number,
+                    truth: Some(Coefficients {
+                        sigma_a: number,
+                        sigma_s_prime: number,
+                    }),
+                };
+                parsed(&figure_svg("", &channel));
+                let mut report = page("", vec![channel]);
+                report.u_eta = number;
+                parsed(&report_html(&report));
+            }
+        }
+    }
+}
+
+#[test]
+fn values_that_a_logarithm_cannot_show_become_arrows() {
+    let points = vec![
+        (1.0, 1.0, 0.01),
+        (2.0, 0.1, 0.01),
+        (3.0, -0.01, 0.02),
+        (4.0, -1.0, 0.01),
+    ];
+    let (fit, profile) = odd(&points, 1.0);
+    let channel = ChannelReport {
+        fit: &fit,
+        profile: &profile,
+        wavelength_nm: None,
+        model_curve: vec![],
+        total_reflectance: 0.5,
+        truth: None,
+    };
+    let svg = figure_svg("Milk", &channel);
+    let document = parsed(&svg);
+    assert!(shows(&document, "too low: value + 2 u"));
+    let arrows = document
+        .descendants()
+        .filter_map(|n| n.attribute("d"))
+        .map(|d| d.matches("v9").count())
+        .max();
+    assert_eq!(arrows, Some(2));
+}
+
+#[test]
+fn an_upper_limit_is_marked() {
+    let white = Coefficients {
+        sigma_a: 0.0,
+        sigma_s_prime: 11.6,
+    };
+    let red = synthetic::channel("R", white, 1.3, 3).unwrap();
+    let limit = red.fit.upper_limit.expect("no absorption can be seen");
+    let html = report_html(&page("Spectralon", vec![red.report()]));
+    let document = parsed(&html);
+    assert!(shows(&document, "which holds with 95 %"));
+    assert!(shows(
+        &document,
+        report::at_most(limit).split(" ×").next().unwrap()
+    ));
+    assert!(
+        shows(&document, "below the limit"),
+        "the truth is 0, the limit {limit}"
+    );
+    // The decay length and α′ are bounded from below.
+    let bounded = document
+        .descendants()
+        .filter(|n| n.tag_name().name() == "td");
+    assert_eq!(bounded.filter(|n| text_of(*n).starts_with("> ")).count(), 2);
+}

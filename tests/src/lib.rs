@@ -1,0 +1,1 @@
+//! The tests themselves stand in `main.rs`.
