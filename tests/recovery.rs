@@ -1,9 +1,9 @@
 //! All 36 channels of Jensen's table, photographed, measured and compared with what made them.
 
 use fit::{Fit, Termination};
+use physics::Coefficients;
 use pipeline::measure::{Choices, measure};
 use pipeline::{Silent, capture, library, synthesis};
-use physics::Coefficients;
 
 /// One measured number beside the truth.
 struct Recovered {
@@ -32,13 +32,21 @@ fn photograph_and_measure(material: &str, seed: u64) -> Vec<(Coefficients, Fit)>
         synthesis::write(&sample, camera, "dipole", seed, &target, false, &Silent).unwrap();
     let loaded = capture::load(&manifest).unwrap();
     let measurement = measure(&loaded, &Choices::default(), &Silent).unwrap();
-    sample.channels.iter().map(|(_, c)| *c).zip(measurement.fits).collect()
+    sample
+        .channels
+        .iter()
+        .map(|(_, c)| *c)
+        .zip(measurement.fits)
+        .collect()
 }
 
 #[test]
 fn all_36_channels_come_back_with_true_uncertainties() {
     let seed = std::env::var("BEAMSPOT_SEED").map_or(1, |s| s.parse().unwrap());
-    let mut names: Vec<String> = library::materials().iter().map(|m| m.material.clone()).collect();
+    let mut names: Vec<String> = library::materials()
+        .iter()
+        .map(|m| m.material.clone())
+        .collect();
     names.dedup();
     assert_eq!(names.len(), 12);
     let mut numbers = vec![];
@@ -46,25 +54,45 @@ fn all_36_channels_come_back_with_true_uncertainties() {
         for (truth, fit) in photograph_and_measure(name, 100 * seed + index as u64) {
             let label = format!("{name} {}", fit.channel);
             if truth.sigma_a == 0.0 {
-                let limit = fit.upper_limit.expect("absorption that is not there has a limit");
+                let limit = fit
+                    .upper_limit
+                    .expect("absorption that is not there has a limit");
                 println!("{label:14} sigma_a  < {limit:.1e}  {:?}", fit.termination);
-                assert!(fit.sigma_a.ci95.0 == 0.0 && limit < 1e-3, "{label}: {fit:?}");
+                assert!(
+                    fit.sigma_a.ci95.0 == 0.0 && limit < 1e-3,
+                    "{label}: {fit:?}"
+                );
             } else {
                 let (value, u) = (fit.sigma_a.value, fit.sigma_a.u);
                 let label = format!("{label:14} sigma_a ");
-                numbers.push(Recovered { label, truth: truth.sigma_a, value, u });
+                numbers.push(Recovered {
+                    label,
+                    truth: truth.sigma_a,
+                    value,
+                    u,
+                });
                 assert_eq!(fit.termination, Termination::Converged, "{fit:?}");
             }
             let (value, u) = (fit.sigma_s_prime.value, fit.sigma_s_prime.u);
             let label = format!("{label:14} sigma_s'");
-            numbers.push(Recovered { label, truth: truth.sigma_s_prime, value, u });
+            numbers.push(Recovered {
+                label,
+                truth: truth.sigma_s_prime,
+                value,
+                u,
+            });
         }
     }
     assert_eq!(numbers.len(), 69);
     for n in &numbers {
         println!(
             "{} true {:<8} found {:.6} u {:.1e}  {:+.3} %  {:+.2} u",
-            n.label, n.truth, n.value, n.u, 100.0 * (n.value / n.truth - 1.0), n.in_u()
+            n.label,
+            n.truth,
+            n.value,
+            n.u,
+            100.0 * (n.value / n.truth - 1.0),
+            n.in_u()
         );
     }
     let within = |limit: f64| numbers.iter().filter(|n| n.in_u().abs() <= limit).count();

@@ -1,2 +1,112 @@
-//! Tasks of the house.
-fn main() {}
+//! Tasks of the house: `cargo xtask ci` is the one command that passes the tests.
+
+use anyhow::{Context, Result, bail};
+use std::env;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const USAGE: &str = "usage: cargo xtask ci | python
+  ci       everything that the server runs: format, lints, tests, documentation, Python
+  python   the cross-check against scipy and nlopt alone, in an environment of its own";
+
+fn main() -> Result<()> {
+    env::set_current_dir(root())?;
+    match env::args().nth(1).as_deref() {
+        Some("ci") => ci(),
+        Some("python") => python(),
+        _ => bail!("{USAGE}"),
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("xtask stands in the root")
+        .to_owned()
+}
+
+fn ci() -> Result<()> {
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&[
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--",
+        "--deny",
+        "warnings",
+    ])?;
+    cargo(&["test", "--workspace"])?;
+    let mut doc = command(
+        "cargo",
+        [
+            "doc",
+            "--workspace",
+            "--no-deps",
+            "--document-private-items",
+        ],
+    );
+    run(doc.env("RUSTDOCFLAGS", "--deny warnings"))?;
+    python()
+}
+
+/// Runs the Python tests against the release build.
+fn python() -> Result<()> {
+    cargo(&["build", "--release"])?;
+    let target =
+        env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let venv = target.join("python");
+    let bin = venv
+        .join(if cfg!(windows) { "Scripts" } else { "bin" })
+        .join("python");
+    if !bin.exists() {
+        let system = env::var_os("PYTHON").unwrap_or_else(|| "python3".into());
+        run(&mut command(
+            &system,
+            ["-m".as_ref(), "venv".as_ref(), venv.as_os_str()],
+        ))?;
+    }
+    let requirements = "tests/python/requirements.txt";
+    let install = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "-r",
+    ];
+    run(command(&bin, install).arg(requirements))?;
+    let mut pytest = command(
+        &bin,
+        ["-m", "pytest", "-p", "no:cacheprovider", "tests/python"],
+    );
+    let beamspot = target
+        .join("release")
+        .join(format!("beamspot{}", env::consts::EXE_SUFFIX));
+    run(pytest
+        .env("BEAMSPOT_BIN", beamspot)
+        .env("PYTHONDONTWRITEBYTECODE", "1"))
+}
+
+fn cargo(arguments: &[&str]) -> Result<()> {
+    run(&mut command("cargo", arguments))
+}
+
+fn command<S: AsRef<OsStr>>(
+    program: impl AsRef<OsStr>,
+    arguments: impl IntoIterator<Item = S>,
+) -> Command {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    command
+}
+
+fn run(command: &mut Command) -> Result<()> {
+    let status = command
+        .status()
+        .with_context(|| format!("starting {command:?}"))?;
+    if !status.success() {
+        bail!("{command:?}: {status}");
+    }
+    Ok(())
+}

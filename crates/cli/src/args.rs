@@ -64,7 +64,12 @@ pub(crate) struct DemoArgs {
 )]
 pub(crate) struct SynthArgs {
     /// A material of Jensen's table (`beamspot table show` lists them).
-    #[arg(long, value_name = "NAME", required_unless_present = "medium", conflicts_with = "medium")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        required_unless_present = "medium",
+        conflicts_with = "medium"
+    )]
     pub(crate) material: Option<String>,
     /// A file with material, eta and coefficients of each channel.
     #[arg(long, value_name = "FILE")]
@@ -192,7 +197,9 @@ pub(crate) enum TableCommand {
         files: Vec<PathBuf>,
     },
     /// Converts a table.
-    #[command(after_help = "Example:\n  beamspot table convert materials.csv --to json -o materials.json")]
+    #[command(
+        after_help = "Example:\n  beamspot table convert materials.csv --to json -o materials.json"
+    )]
     Convert {
         /// csv or json file.
         #[arg(value_name = "FILE")]
@@ -205,7 +212,9 @@ pub(crate) enum TableCommand {
         output: PathBuf,
     },
     /// Joins tables; one material and channel with two sets of numbers is refused.
-    #[command(after_help = "Example:\n  beamspot table merge a/materials.csv b/materials.csv -o all.csv")]
+    #[command(
+        after_help = "Example:\n  beamspot table merge a/materials.csv b/materials.csv -o all.csv"
+    )]
     Merge {
         /// csv or json files.
         #[arg(required = true, value_name = "FILE")]
@@ -235,20 +244,30 @@ fn range(text: &str) -> Result<(f64, f64), String> {
     let (low, high) = text.split_once(':').ok_or_else(expected)?;
     let number = |part: &str| part.trim().parse::<f64>().map_err(|_| expected());
     let (low, high) = (number(low)?, number(high)?);
-    if low >= 0.0 && low < high && high.is_finite() { Ok((low, high)) } else { Err(expected()) }
+    if low >= 0.0 && low < high && high.is_finite() {
+        Ok((low, high))
+    } else {
+        Err(expected())
+    }
 }
 
 fn total(text: &str) -> Result<TotalArg, String> {
     let expected = || format!("expected CHANNEL=R±U, as G=0.79±0.01 or G=0.79+-0.01, got `{text}`");
     let (channel, numbers) = text.split_once('=').ok_or_else(expected)?;
-    let (value, u) =
-        numbers.split_once('±').or_else(|| numbers.split_once("+-")).ok_or_else(expected)?;
+    let (value, u) = numbers
+        .split_once('±')
+        .or_else(|| numbers.split_once("+-"))
+        .ok_or_else(expected)?;
     let number = |part: &str| part.trim().parse::<f64>().map_err(|_| expected());
     let (value, u) = (number(value)?, number(u)?);
     if channel.is_empty() || !(value > 0.0 && value.is_finite() && u >= 0.0 && u.is_finite()) {
         return Err(expected());
     }
-    Ok(TotalArg { channel: channel.trim().to_owned(), value, u })
+    Ok(TotalArg {
+        channel: channel.trim().to_owned(),
+        value,
+        u,
+    })
 }
 
 #[cfg(test)]
@@ -263,10 +282,21 @@ mod tests {
 
     #[test]
     fn totals_and_ranges_are_read_or_explained() {
-        let expected = TotalArg { channel: "G".to_owned(), value: 0.79, u: 0.01 };
+        let expected = TotalArg {
+            channel: "G".to_owned(),
+            value: 0.79,
+            u: 0.01,
+        };
         assert_eq!(total("G=0.79±0.01"), Ok(expected.clone()));
         assert_eq!(total("G=0.79+-0.01"), Ok(expected));
-        for bad in ["0.79±0.01", "G=0.79", "G=x±0.1", "=0.7±0.1", "G=-1±0.1", "G=0.5±NaN"] {
+        for bad in [
+            "0.79±0.01",
+            "G=0.79",
+            "G=x±0.1",
+            "=0.7±0.1",
+            "G=-1±0.1",
+            "G=0.5±NaN",
+        ] {
             assert!(total(bad).unwrap_err().contains(bad), "{bad}");
         }
         assert_eq!(range("0.8:15"), Ok((0.8, 15.0)));

@@ -58,6 +58,10 @@ pub fn fit(
         if rounds >= 8 || range::same_points(profile, range, next) {
             return Ok(problem.conclude(solution, warning.into_iter().collect()));
         }
-        range = if rounds > 4 { (next.0.max(range.0), next.1) } else { next };
+        range = if rounds > 4 {
+            (next.0.max(range.0), next.1)
+        } else {
+            next
+        };
     }
 }

@@ -50,7 +50,10 @@ fn jacobian(point: Point, epsilon: f64) -> (Vector2<f64>, Vector2<f64>) {
     let Coefficients { sigma_a, .. } = point.coefficients(epsilon);
     let t = point.lambda.exp();
     let a_in_tau = 2.0 / 3.0 * (point.tau + epsilon) / t;
-    (Vector2::new(a_in_tau, -sigma_a), Vector2::new(-a_in_tau, t + sigma_a))
+    (
+        Vector2::new(a_in_tau, -sigma_a),
+        Vector2::new(-a_in_tau, t + sigma_a),
+    )
 }
 
 /// One datum and its weight, the inverse variance.
@@ -112,21 +115,34 @@ pub(crate) fn check(
 ) -> Result<(), FitError> {
     let channel = || profile.channel.clone();
     let u_scale = options.u_scale_relative;
-    if !(u_scale >= 0.0 && u_scale < 1.0) {
+    if !(0.0..1.0).contains(&u_scale) {
         let expected = "at least 0 and below 1";
-        return Err(FitError::BadOption { name: "u_scale_relative", found: u_scale, expected });
+        return Err(FitError::BadOption {
+            name: "u_scale_relative",
+            found: u_scale,
+            expected,
+        });
     }
     let entry = options.entry_factor;
     if !(entry > 0.0 && entry <= 1.0) {
         let expected = "above 0 and at most 1";
-        return Err(FitError::BadOption { name: "entry_factor", found: entry, expected });
+        return Err(FitError::BadOption {
+            name: "entry_factor",
+            found: entry,
+            expected,
+        });
     }
     let mut previous_mm = f64::NEG_INFINITY;
     let mut best = f64::NEG_INFINITY;
     for p in &profile.points {
         let (value, u) = (p.reflectance_per_mm2, p.u_reflectance_per_mm2);
         if !(value.is_finite() && u.is_finite() && u > 0.0) {
-            return Err(FitError::BadPoint { channel: channel(), radius_mm: p.radius_mm, value, u });
+            return Err(FitError::BadPoint {
+                channel: channel(),
+                radius_mm: p.radius_mm,
+                value,
+                u,
+            });
         }
         if p.radius_mm <= previous_mm || !p.radius_mm.is_finite() || p.radius_mm < 0.0 {
             return Err(FitError::RadiiNotIncreasing {
@@ -149,27 +165,45 @@ pub(crate) fn check(
         });
     }
     if best < 3.0 {
-        return Err(FitError::NoSignal { channel: channel(), best });
+        return Err(FitError::NoSignal {
+            channel: channel(),
+            best,
+        });
     }
     if options.constraint == Constraint::None {
         return Ok(());
     }
-    let Some(t) = total else { return Err(FitError::NoTotal { channel: channel() }) };
+    let Some(t) = total else {
+        return Err(FitError::NoTotal { channel: channel() });
+    };
     let (total, u) = (t.total_reflectance, t.u_total_reflectance);
     let own_u_is_missing = options.constraint == Constraint::Joint && u == 0.0;
     if !(total.is_finite() && total > 0.0 && u.is_finite() && u >= 0.0) || own_u_is_missing {
-        return Err(FitError::BadTotal { channel: channel(), total, u });
+        return Err(FitError::BadTotal {
+            channel: channel(),
+            total,
+            u,
+        });
     }
     let u = u.hypot(total * u_scale);
     if total > entry + 3.0 * u {
-        return Err(FitError::TotalAboveCeiling { channel: channel(), total, u, ceiling: entry });
+        return Err(FitError::TotalAboveCeiling {
+            channel: channel(),
+            total,
+            u,
+            ceiling: entry,
+        });
     }
     Ok(())
 }
 
 /// Points it takes to leave a degree of freedom.
 fn needed(constraint: Constraint) -> usize {
-    if constraint == Constraint::Exact { 2 } else { 3 }
+    if constraint == Constraint::Exact {
+        2
+    } else {
+        3
+    }
 }
 
 impl<'a> Problem<'a> {
@@ -184,8 +218,9 @@ impl<'a> Problem<'a> {
             let p = &profile.points[i];
             p.ring_mm.unwrap_or((p.radius_mm, p.radius_mm))
         };
-        let indices: Vec<usize> =
-            (0..profile.points.len()).filter(|&i| range::contains(range, edges(i))).collect();
+        let indices: Vec<usize> = (0..profile.points.len())
+            .filter(|&i| range::contains(range, edges(i)))
+            .collect();
         if indices.len() < needed(options.constraint) {
             return Err(FitError::TooFewPoints {
                 channel: profile.channel.clone(),
@@ -207,27 +242,50 @@ impl<'a> Problem<'a> {
         let reach = total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
         let areas: Vec<f64> = points
             .iter()
-            .map(|p| if p.ring_mm.is_some_and(|r| r.1 <= reach) { p.area_mm2() } else { 0.0 })
+            .map(|p| {
+                if p.ring_mm.is_some_and(|r| r.1 <= reach) {
+                    p.area_mm2()
+                } else {
+                    0.0
+                }
+            })
             .collect();
-        let total = total.filter(|_| options.constraint != Constraint::None).map(|measured| {
-            let whole = measured.u_total_reflectance.powi(2);
-            let (mut rest, mut variance) = (measured.total_reflectance, whole);
-            for (datum, area) in data.iter().zip(&areas) {
-                rest -= area * datum.value;
-                variance -= area * area / datum.weight;
-            }
-            let datum = if variance > 1e-6 * whole && measured.radius_max_mm.is_some() {
-                TotalDatum::Remainder(Datum { value: rest, weight: 1.0 / variance })
-            } else {
-                let value = measured.total_reflectance;
-                TotalDatum::Independent(Datum { value, weight: 1.0 / whole })
-            };
-            Total { measured: measured.clone(), datum }
-        });
+        let total = total
+            .filter(|_| options.constraint != Constraint::None)
+            .map(|measured| {
+                let whole = measured.u_total_reflectance.powi(2);
+                let (mut rest, mut variance) = (measured.total_reflectance, whole);
+                for (datum, area) in data.iter().zip(&areas) {
+                    rest -= area * datum.value;
+                    variance -= area * area / datum.weight;
+                }
+                let datum = if variance > 1e-6 * whole && measured.radius_max_mm.is_some() {
+                    TotalDatum::Remainder(Datum {
+                        value: rest,
+                        weight: 1.0 / variance,
+                    })
+                } else {
+                    let value = measured.total_reflectance;
+                    TotalDatum::Independent(Datum {
+                        value,
+                        weight: 1.0 / whole,
+                    })
+                };
+                Total {
+                    measured: measured.clone(),
+                    datum,
+                }
+            });
         let footprints = Footprints::new(&points, &options.blur);
-        let last = points.last().map_or(0.0, |p| p.ring_mm.map_or(p.radius_mm, |r| r.1));
+        let last = points
+            .last()
+            .map_or(0.0, |p| p.ring_mm.map_or(p.radius_mm, |r| r.1));
         let reach = match &total {
-            Some(total) => total.measured.radius_max_mm.unwrap_or(f64::INFINITY).max(last),
+            Some(total) => total
+                .measured
+                .radius_max_mm
+                .unwrap_or(f64::INFINITY)
+                .max(last),
             None => last,
         };
         Ok(Self {
@@ -248,7 +306,11 @@ impl<'a> Problem<'a> {
     pub(crate) fn tau_bounds(&self, lambda: f64) -> (f64, f64) {
         let highest = 3.0_f64.sqrt() * (1.0 - 1e-9) * lambda.exp();
         // On the whole plane the slope of the total in σₐ is infinite at 0 itself.
-        let lowest = if self.epsilon > 0.0 { 0.0 } else { 1e-9 * lambda.exp() };
+        let lowest = if self.epsilon > 0.0 {
+            0.0
+        } else {
+            1e-9 * lambda.exp()
+        };
         (lowest, highest.hypot(self.epsilon) - self.epsilon)
     }
 
@@ -269,7 +331,12 @@ impl<'a> Problem<'a> {
     pub(crate) fn lambda_bounds(&self) -> (f64, f64) {
         let radius = |i: usize| self.profile.points[i].radius_mm;
         let first = radius(0).max(1e-3 * radius(self.profile.points.len() - 1));
-        let last = self.profile.points.last().map_or(1.0, |p| p.radius_mm).max(1e-9);
+        let last = self
+            .profile
+            .points
+            .last()
+            .map_or(1.0, |p| p.radius_mm)
+            .max(1e-9);
         ((0.02 / last).ln(), (50.0 / first.max(1e-9)).ln())
     }
 
@@ -281,16 +348,22 @@ impl<'a> Problem<'a> {
     /// The least that the model's total may be while the measured one is not contradicted.
     pub(crate) fn least_total(&self) -> f64 {
         self.total.as_ref().map_or(0.0, |t| {
-            let TotalReflectance { total_reflectance: total, u_total_reflectance: u, .. } =
-                t.measured;
+            let TotalReflectance {
+                total_reflectance: total,
+                u_total_reflectance: u,
+                ..
+            } = t.measured;
             total - 3.0 * u.hypot(total * self.options.u_scale_relative)
         })
     }
 
     /// The model's total inside the circle of the measured one.
     pub(crate) fn enclosed(&self, point: Point) -> Sensitivity {
-        let radius =
-            self.total.as_ref().and_then(|t| t.measured.radius_max_mm).unwrap_or(f64::INFINITY);
+        let radius = self
+            .total
+            .as_ref()
+            .and_then(|t| t.measured.radius_max_mm)
+            .unwrap_or(f64::INFINITY);
         let gradient = self.model.within(point.coefficients(self.epsilon), radius);
         self.sensitivity(gradient, point)
     }
@@ -299,8 +372,12 @@ impl<'a> Problem<'a> {
     fn rings(&self, point: Point) -> Vec<Sensitivity> {
         let at = point.coefficients(self.epsilon);
         let mut gradients = vec![Gradient::default(); self.data.len()];
-        self.footprints.reflectance_gradient(self.model, at, &mut Vec::new(), &mut gradients);
-        gradients.into_iter().map(|g| self.sensitivity(g, point)).collect()
+        self.footprints
+            .reflectance_gradient(self.model, at, &mut Vec::new(), &mut gradients);
+        gradients
+            .into_iter()
+            .map(|g| self.sensitivity(g, point))
+            .collect()
     }
 
     /// χ² of the profile alone along the constraint, where τ depends on λ with slope `tau_slope`,
@@ -320,8 +397,11 @@ impl<'a> Problem<'a> {
     /// χ² of profile, total and prior of the scale, with the scale at its optimum.
     pub(crate) fn normal(&self, point: Point) -> Normal {
         let rings = self.rings(point);
-        let mut pairs: Vec<(Sensitivity, Datum)> =
-            rings.iter().copied().zip(self.data.iter().copied()).collect();
+        let mut pairs: Vec<(Sensitivity, Datum)> = rings
+            .iter()
+            .copied()
+            .zip(self.data.iter().copied())
+            .collect();
         if let Some(total) = &self.total {
             let mut model = self.enclosed(point);
             let datum = match total.datum {
@@ -351,7 +431,11 @@ impl<'a> Problem<'a> {
         } else {
             1.0
         };
-        let mut chi2 = if u_scale > 0.0 { prior * (scale - 1.0).powi(2) } else { 0.0 };
+        let mut chi2 = if u_scale > 0.0 {
+            prior * (scale - 1.0).powi(2)
+        } else {
+            0.0
+        };
         let mut gradient = Vector2::zeros();
         let mut hessian = Matrix2::zeros();
         let mut with_scale = Vector2::zeros();
@@ -367,7 +451,12 @@ impl<'a> Problem<'a> {
             // Schur complement of the scale factor in the normal equations.
             hessian -= with_scale * with_scale.transpose() / (model_model + prior);
         }
-        Normal { chi2, gradient, hessian, scale }
+        Normal {
+            chi2,
+            gradient,
+            hessian,
+            scale,
+        }
     }
 
     /// σₐ and σₛ′ of a solution.
@@ -377,7 +466,12 @@ impl<'a> Problem<'a> {
 
     /// The fit that `solution` stands for.
     pub(crate) fn conclude(&self, solution: Solution, mut warnings: Vec<Warning>) -> Fit {
-        let Solution { point, evaluations, termination, .. } = solution;
+        let Solution {
+            point,
+            evaluations,
+            termination,
+            ..
+        } = solution;
         let at = point.coefficients(self.epsilon);
         let t = at.sigma_t_prime();
         let exact = self.options.constraint == Constraint::Exact;
@@ -387,12 +481,22 @@ impl<'a> Problem<'a> {
         let free = if exact { 1 } else { 2 };
         let extra = usize::from(!exact && self.total.is_some());
         let freedom = (self.data.len() + extra).saturating_sub(free) as f64;
-        let reduced_chi2 = if freedom > 0.0 { solution.chi2 / freedom } else { 0.0 };
+        let reduced_chi2 = if freedom > 0.0 {
+            solution.chi2 / freedom
+        } else {
+            0.0
+        };
         let probability = ChiSquared::new(freedom).map_or(1.0, |d| d.sf(solution.chi2));
-        let widened =
-            if probability < POOR_FIT_PROBABILITY { reduced_chi2.sqrt().max(1.0) } else { 1.0 };
+        let widened = if probability < POOR_FIT_PROBABILITY {
+            reduced_chi2.sqrt().max(1.0)
+        } else {
+            1.0
+        };
         if widened > 1.0 {
-            warnings.push(Warning::PoorFit { reduced_chi2, widened });
+            warnings.push(Warning::PoorFit {
+                reduced_chi2,
+                widened,
+            });
         }
 
         let covariance = self.covariance(&solution) * (widened * widened);
@@ -408,25 +512,35 @@ impl<'a> Problem<'a> {
         let sigma_a = |v: f64| v.max(0.0) * (v.max(0.0) + 2.0 * c);
         // Of a squared normal variate, whose curvature matters near 0 alone.
         let u_a = (variance_a + 2.0 * u_v.powi(4)).sqrt();
-        let (low, high) =
-            (sigma_a(v - NORMAL_95_TWO_SIDED * u_v), sigma_a(v + NORMAL_95_TWO_SIDED * u_v));
-        let above = self.total.as_ref().is_some_and(|t| {
-            t.measured.total_reflectance > self.options.entry_factor
-        });
+        let (low, high) = (
+            sigma_a(v - NORMAL_95_TWO_SIDED * u_v),
+            sigma_a(v + NORMAL_95_TWO_SIDED * u_v),
+        );
+        let above = self
+            .total
+            .as_ref()
+            .is_some_and(|t| t.measured.total_reflectance > self.options.entry_factor);
         let upper_limit = (low == 0.0 || above).then(|| sigma_a(v + NORMAL_95_ONE_SIDED * u_v));
         if let Some(upper_limit) = upper_limit {
             warnings.push(Warning::UpperLimitOnly { upper_limit });
         }
         let value_a = if at_bound { 0.0 } else { at.sigma_a };
 
-        let last = self.profile.points.last().map_or(0.0, |p| p.ring_mm.map_or(p.radius_mm, |r| r.1));
-        let share_outside =
-            self.model.beyond(at, last) / self.model.beyond(at, 0.0);
+        let last = self
+            .profile
+            .points
+            .last()
+            .map_or(0.0, |p| p.ring_mm.map_or(p.radius_mm, |r| r.1));
+        let share_outside = self.model.beyond(at, last) / self.model.beyond(at, 0.0);
         if share_outside > MUCH_LIGHT_OUTSIDE {
-            warnings.push(Warning::LightOutside { percent: 100.0 * share_outside });
+            warnings.push(Warning::LightOutside {
+                percent: 100.0 * share_outside,
+            });
         }
         if at.albedo_prime() < LOW_ALBEDO {
-            warnings.push(Warning::LowAlbedo { albedo_prime: at.albedo_prime() });
+            warnings.push(Warning::LowAlbedo {
+                albedo_prime: at.albedo_prime(),
+            });
         }
         let total = self.total.as_ref().map(|t| TotalFit {
             measured: t.measured.total_reflectance,
@@ -456,7 +570,11 @@ impl<'a> Problem<'a> {
             .collect();
         Fit {
             channel: self.profile.channel.clone(),
-            sigma_a: Estimate { value: value_a, u: u_a, ci95: (low, high) },
+            sigma_a: Estimate {
+                value: value_a,
+                u: u_a,
+                ci95: (low, high),
+            },
             sigma_s_prime: Estimate {
                 value: at.sigma_s_prime,
                 u: u_s,
@@ -465,7 +583,11 @@ impl<'a> Problem<'a> {
                     at.sigma_s_prime + NORMAL_95_TWO_SIDED * u_s,
                 ),
             },
-            correlation: if variance_a > 0.0 && u_s > 0.0 { mixed / (u_a * u_s) } else { 0.0 },
+            correlation: if variance_a > 0.0 && u_s > 0.0 {
+                mixed / (u_a * u_s)
+            } else {
+                0.0
+            },
             upper_limit,
             total,
             scale,
@@ -481,13 +603,20 @@ impl<'a> Problem<'a> {
 
     /// Covariance of (τ, λ).
     fn covariance(&self, solution: &Solution) -> Matrix2<f64> {
-        let &Solution { point, tau_slope, termination, .. } = solution;
+        let &Solution {
+            point,
+            tau_slope,
+            termination,
+            ..
+        } = solution;
         if self.options.constraint == Constraint::Exact && termination != Termination::AtBound {
             let (_, _, curvature) = self.along_constraint(point, tau_slope);
             let along = Vector2::new(tau_slope, 1.0);
             return along * along.transpose() / curvature;
         }
         let hessian = self.normal(point).hessian;
-        hessian.try_inverse().unwrap_or_else(|| Matrix2::from_diagonal_element(f64::INFINITY))
+        hessian
+            .try_inverse()
+            .unwrap_or_else(|| Matrix2::from_diagonal_element(f64::INFINITY))
     }
 }

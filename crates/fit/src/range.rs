@@ -12,7 +12,10 @@ const TRANSPORT_LENGTHS: f64 = 2.0;
 const LATEST_START: f64 = 1.0 / 3.0;
 
 fn edges(profile: &RadialProfile) -> impl Iterator<Item = (f64, f64)> {
-    profile.points.iter().map(|p| p.ring_mm.unwrap_or((p.radius_mm, p.radius_mm)))
+    profile
+        .points
+        .iter()
+        .map(|p| p.ring_mm.unwrap_or((p.radius_mm, p.radius_mm)))
 }
 
 /// Whether a point with these edges lies in `range`, rounding forgiven.
@@ -28,7 +31,10 @@ pub(crate) fn widest(
     let outer = edges(profile).fold(0.0, |m: f64, (_, outer)| m.max(outer));
     let start = BLURS * options.blur.standard_deviation_mm();
     if start >= outer {
-        return Err(FitError::BeamWiderThanProfile { beam_mm: start, profile_mm: outer });
+        return Err(FitError::BeamWiderThanProfile {
+            beam_mm: start,
+            profile_mm: outer,
+        });
     }
     Ok((start, outer))
 }

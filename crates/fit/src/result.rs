@@ -153,7 +153,10 @@ pub struct Contribution {
 impl Fit {
     /// The coefficients alone.
     pub fn coefficients(&self) -> Coefficients {
-        Coefficients { sigma_a: self.sigma_a.value, sigma_s_prime: self.sigma_s_prime.value }
+        Coefficients {
+            sigma_a: self.sigma_a.value,
+            sigma_s_prime: self.sigma_s_prime.value,
+        }
     }
 
     /// The same fit with the uncertainties of inputs that it took as exact added in quadrature
@@ -187,8 +190,14 @@ impl Fit {
         Self {
             sigma_a,
             sigma_s_prime,
-            correlation: if aa > 0.0 && ss > 0.0 { mixed / (aa * ss).sqrt() } else { 0.0 },
-            upper_limit: self.upper_limit.map(|limit| a.value + (limit - a.value) * grown),
+            correlation: if aa > 0.0 && ss > 0.0 {
+                mixed / (aa * ss).sqrt()
+            } else {
+                0.0
+            },
+            upper_limit: self
+                .upper_limit
+                .map(|limit| a.value + (limit - a.value) * grown),
             ..self.clone()
         }
     }

@@ -47,7 +47,10 @@ struct Start {
 
 /// Solves `problem` under its constraint. Needs no start.
 pub(crate) fn solve(problem: &Problem) -> Solution {
-    let mut budget = Budget { used: 0, limit: problem.options.max_evaluations };
+    let mut budget = Budget {
+        used: 0,
+        limit: problem.options.max_evaluations,
+    };
     let starts = match problem.options.constraint {
         Constraint::Exact | Constraint::Joint => scan_constraint(problem, &mut budget),
         Constraint::None => scan_plane(problem, &mut budget),
@@ -68,7 +71,10 @@ pub(crate) fn solve(problem: &Problem) -> Solution {
         }
     }
     let best = best.expect("a scan has at least one smallest value");
-    Solution { evaluations: budget.used, ..best }
+    Solution {
+        evaluations: budget.used,
+        ..best
+    }
 }
 
 /// The point of this λ at which the model's total is the measured one, and dτ/dλ along it.
@@ -78,7 +84,9 @@ pub(crate) fn solve(problem: &Problem) -> Solution {
 fn on_constraint(problem: &Problem, lambda: f64) -> (Point, f64) {
     let (mut low, mut high) = problem.tau_bounds(lambda);
     let at = |tau| Point { tau, lambda };
-    let Some(total) = problem.exact_total() else { return (at(low), 0.0) };
+    let Some(total) = problem.exact_total() else {
+        return (at(low), 0.0);
+    };
     if problem.enclosed(at(low)).value <= total {
         return (at(low), 0.0);
     }
@@ -92,7 +100,11 @@ fn on_constraint(problem: &Problem, lambda: f64) -> (Point, f64) {
             high = tau;
         }
         let newton = tau - excess / model.in_tau;
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let next = if newton > low && newton < high {
+            newton
+        } else {
+            0.5 * (low + high)
+        };
         let done = (next - tau).abs() <= 1e-15 * tau;
         tau = next;
         if done || high - low <= 1e-15 * tau {
@@ -135,13 +147,17 @@ fn least_lambda(problem: &Problem, total: f64) -> Option<f64> {
 fn scan_constraint(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
     let (low, high) = problem.lambda_bounds();
     let from = least_lambda(problem, problem.least_total()).unwrap_or(low);
-    let mut lambdas: Vec<f64> =
-        (0..SCAN).map(|i| from + (high - from) * i as f64 / (SCAN - 1) as f64).collect();
+    let mut lambdas: Vec<f64> = (0..SCAN)
+        .map(|i| from + (high - from) * i as f64 / (SCAN - 1) as f64)
+        .collect();
     let kink = problem.exact_total().and_then(|t| least_lambda(problem, t));
     if let Some(kink) = kink {
         // Just above the kink absorption rises steeply from 0.
         lambdas.extend(
-            [0.0, 0.02, 0.1, 0.3].map(|above| kink + above).into_iter().filter(|l| *l < high),
+            [0.0, 0.02, 0.1, 0.3]
+                .map(|above| kink + above)
+                .into_iter()
+                .filter(|l| *l < high),
         );
         lambdas.sort_by(f64::total_cmp);
     }
@@ -198,7 +214,12 @@ fn scan_plane(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
                     let tau = (k * lambda.exp()).hypot(problem.epsilon) - problem.epsilon;
                     let point = Point { tau, lambda };
                     budget.spend();
-                    Start { point, low, high, chi2: problem.normal(point).chi2 }
+                    Start {
+                        point,
+                        low,
+                        high,
+                        chi2: problem.normal(point).chi2,
+                    }
                 })
                 .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
         })
@@ -223,7 +244,11 @@ fn along_constraint(problem: &Problem, start: &Start, budget: &mut Budget) -> So
             low = lambda;
         }
         let newton = lambda - gradient / curvature;
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let next = if newton > low && newton < high {
+            newton
+        } else {
+            0.5 * (low + high)
+        };
         if (next - lambda).abs() <= CLOSE || high - low <= CLOSE || gradient == 0.0 {
             termination = Termination::Converged;
             break;
@@ -233,7 +258,13 @@ fn along_constraint(problem: &Problem, start: &Start, budget: &mut Budget) -> So
     if point.tau <= problem.tau_bounds(lambda).0 && termination == Termination::Converged {
         termination = Termination::AtBound;
     }
-    Solution { point, tau_slope, chi2, evaluations: budget.used, termination }
+    Solution {
+        point,
+        tau_slope,
+        chi2,
+        evaluations: budget.used,
+        termination,
+    }
 }
 
 /// Levenberg-Marquardt in (τ, λ) from one start, τ held inside its bounds.
@@ -255,7 +286,10 @@ fn descend(problem: &Problem, start: Point, budget: &mut Budget) -> Solution {
         }
         let lambda = (at.lambda + step.y).clamp(lambda_low, lambda_high);
         let (lowest, highest) = problem.tau_bounds(lambda);
-        let next = Point { tau: (at.tau + step.x).clamp(lowest, highest), lambda };
+        let next = Point {
+            tau: (at.tau + step.x).clamp(lowest, highest),
+            lambda,
+        };
         let trial = problem.normal(next);
         let small = (next.lambda - at.lambda).abs() <= CLOSE
             && (next.tau - at.tau).abs() <= CLOSE * (at.tau + problem.epsilon);
@@ -274,7 +308,13 @@ fn descend(problem: &Problem, start: Point, budget: &mut Budget) -> Solution {
         termination = Termination::AtBound;
     }
     let evaluations = budget.used;
-    Solution { point: at, tau_slope: 0.0, chi2: normal.chi2, evaluations, termination }
+    Solution {
+        point: at,
+        tau_slope: 0.0,
+        chi2: normal.chi2,
+        evaluations,
+        termination,
+    }
 }
 
 /// One step of the damped normal equations (Marquardt's scaling, so that units do not matter).

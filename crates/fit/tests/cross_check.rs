@@ -1,6 +1,8 @@
 //! The optimum against another solver on the same problem: argmin's Nelder-Mead, on objectives
 //! written here from their definition.
 
+#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::{brent::BrentOpt, neldermead::NelderMead};
 use fit::{Constraint, FitOptions, fit};
@@ -25,7 +27,10 @@ fn profile(medium: ReducedMedium) -> RadialProfile {
             }
         })
         .collect();
-    RadialProfile { channel: "G".to_owned(), points }
+    RadialProfile {
+        channel: "G".to_owned(),
+        points,
+    }
 }
 
 fn total(value: f64, u: f64) -> TotalReflectance {
@@ -63,7 +68,11 @@ impl CostFunction for Joint<'_> {
     type Param = Vec<f64>;
     type Output = f64;
     fn cost(&self, p: &Self::Param) -> Result<f64, Error> {
-        let medium = ReducedMedium { sigma_a: p[0].exp(), sigma_s_prime: p[1].exp(), eta: self.eta };
+        let medium = ReducedMedium {
+            sigma_a: p[0].exp(),
+            sigma_s_prime: p[1].exp(),
+            eta: self.eta,
+        };
         let model = p[2] * Dipole::new(&medium, DiffuseFresnel::Exact).total_reflectance();
         Ok(chi2(self.profile, medium, p[2])
             + ((self.total - model) / self.u_total).powi(2)
@@ -98,9 +107,21 @@ impl CostFunction for Exact<'_> {
 }
 
 const MEDIA: [ReducedMedium; 3] = [
-    ReducedMedium { sigma_a: 0.0041, sigma_s_prime: 2.62, eta: 1.5 },
-    ReducedMedium { sigma_a: 0.032, sigma_s_prime: 0.74, eta: 1.3 },
-    ReducedMedium { sigma_a: 0.48, sigma_s_prime: 1.01, eta: 1.3 },
+    ReducedMedium {
+        sigma_a: 0.0041,
+        sigma_s_prime: 2.62,
+        eta: 1.5,
+    },
+    ReducedMedium {
+        sigma_a: 0.032,
+        sigma_s_prime: 0.74,
+        eta: 1.3,
+    },
+    ReducedMedium {
+        sigma_a: 0.48,
+        sigma_s_prime: 1.01,
+        eta: 1.3,
+    },
 ];
 
 #[test]
@@ -118,7 +139,11 @@ fn exact_agrees_with_brent_on_the_reduced_problem() {
 
         let a = DiffuseFresnel::Exact.a(medium.eta);
         let albedo_prime = dipole::albedo_prime_from_total(measured, a).unwrap();
-        let problem = Exact { profile: &profile, albedo_prime, eta: medium.eta };
+        let problem = Exact {
+            profile: &profile,
+            albedo_prime,
+            eta: medium.eta,
+        };
         let start = (medium.sigma_a + medium.sigma_s_prime).ln();
         let brent = BrentOpt::new(start - 0.7, start + 0.7).set_tolerance(1e-12, 1e-12);
         let best = Executor::new(problem, brent)
@@ -128,7 +153,11 @@ fn exact_agrees_with_brent_on_the_reduced_problem() {
             .state
             .best_param
             .unwrap();
-        let problem = Exact { profile: &profile, albedo_prime, eta: medium.eta };
+        let problem = Exact {
+            profile: &profile,
+            albedo_prime,
+            eta: medium.eta,
+        };
         let expected = problem.medium(best);
         // Brent sees χ² alone, so it places the minimum to the root of its rounding.
         let error = (found.sigma_a.value / expected.sigma_a - 1.0).abs();
@@ -177,7 +206,10 @@ fn joint_agrees_with_nelder_mead_in_three_parameters() {
             ("sigma_s_prime", found.sigma_s_prime.value, best[1].exp()),
             ("scale", found.scale, best[2]),
         ] {
-            assert!((found / expected - 1.0).abs() < 2e-6, "{medium:?} {name}: {found}, {expected}");
+            assert!(
+                (found / expected - 1.0).abs() < 2e-6,
+                "{medium:?} {name}: {found}, {expected}"
+            );
         }
     }
 }

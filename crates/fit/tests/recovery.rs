@@ -1,6 +1,8 @@
 //! The medium comes back: from exact data, from noisy data, and with the truth inside the
 //! interval as often as the interval says.
 
+#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+
 use fit::{Constraint, FitError, FitOptions, Termination, fit};
 use physics::{
     Coefficients, DiffuseFresnel, Dipole, DipoleModel, ProfilePoint, RadialProfile, ReducedMedium,
@@ -94,10 +96,16 @@ fn no_failure_on_a_thousand_random_materials() {
         total.u_total_reflectance = variance.sqrt();
         let model = DipoleModel::new(medium.eta, DiffuseFresnel::Exact);
         for constraint in [Constraint::Exact, Constraint::Joint, Constraint::None] {
-            let options = FitOptions { constraint, u_scale_relative: 0.01, ..Default::default() };
+            let options = FitOptions {
+                constraint,
+                u_scale_relative: 0.01,
+                ..Default::default()
+            };
             let found = fit(&profile, Some(&total), &model, &options).unwrap();
             let (a, s) = (found.sigma_a.value, found.sigma_s_prime.value);
-            let error = (a / medium.sigma_a - 1.0).abs().max((s / medium.sigma_s_prime - 1.0).abs());
+            let error = (a / medium.sigma_a - 1.0)
+                .abs()
+                .max((s / medium.sigma_s_prime - 1.0).abs());
             assert!(
                 error < 1e-4 && found.termination == Termination::Converged,
                 "{i} {medium:?} {constraint:?}: {found:?}"
@@ -118,7 +126,11 @@ fn the_joint_interval_holds_the_truth_as_often_as_it_says() {
         (7.38, 0.0002, 1.3),
     ];
     for (m, (sigma_s_prime, sigma_a, eta)) in media.into_iter().enumerate() {
-        let medium = ReducedMedium { sigma_a, sigma_s_prime, eta };
+        let medium = ReducedMedium {
+            sigma_a,
+            sigma_s_prime,
+            eta,
+        };
         let model = DipoleModel::new(eta, DiffuseFresnel::Exact);
         for u_scale in [0.003, 0.03] {
             let mut rng = Pcg64::seed_from_u64(17 + m as u64);
@@ -127,7 +139,10 @@ fn the_joint_interval_holds_the_truth_as_often_as_it_says() {
                 let draw: f64 = StandardNormal.sample(&mut rng);
                 let scale = 1.0 + u_scale * draw;
                 let (profile, total) = capture(medium, scale, (2e-3, 2e-7), &mut rng);
-                let options = FitOptions { u_scale_relative: u_scale, ..Default::default() };
+                let options = FitOptions {
+                    u_scale_relative: u_scale,
+                    ..Default::default()
+                };
                 let found = fit(&profile, Some(&total), &model, &options).unwrap();
                 let holds = |e: &fit::Estimate, truth: f64| e.ci95.0 <= truth && truth <= e.ci95.1;
                 inside += u32::from(holds(&found.sigma_a, sigma_a));
@@ -148,14 +163,21 @@ fn the_joint_interval_holds_the_truth_as_often_as_it_says() {
 
 #[test]
 fn a_medium_without_absorption_gives_an_upper_limit() {
-    let medium = ReducedMedium { sigma_a: 0.0, sigma_s_prime: 11.6, eta: 1.3 };
+    let medium = ReducedMedium {
+        sigma_a: 0.0,
+        sigma_s_prime: 11.6,
+        eta: 1.3,
+    };
     let model = DipoleModel::new(1.3, DiffuseFresnel::Exact);
     let mut rng = Pcg64::seed_from_u64(3);
     let (mut at_bound, mut missed) = (0, 0);
     for _ in 0..200 {
         let draw: f64 = StandardNormal.sample(&mut rng);
         let (profile, total) = capture(medium, 1.0 + 0.005 * draw, (2e-3, 2e-7), &mut rng);
-        let options = FitOptions { u_scale_relative: 0.005, ..Default::default() };
+        let options = FitOptions {
+            u_scale_relative: 0.005,
+            ..Default::default()
+        };
         let found = fit(&profile, Some(&total), &model, &options).unwrap();
         assert!(found.sigma_a.ci95.1 < 1e-3, "{found:?}");
         missed += u32::from(found.upper_limit.is_none());
@@ -169,37 +191,69 @@ fn a_medium_without_absorption_gives_an_upper_limit() {
 
 #[test]
 fn what_cannot_be_fitted_is_refused_with_its_reason() {
-    let medium = ReducedMedium { sigma_a: 0.0041, sigma_s_prime: 2.62, eta: 1.5 };
+    let medium = ReducedMedium {
+        sigma_a: 0.0041,
+        sigma_s_prime: 2.62,
+        eta: 1.5,
+    };
     let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
     let mut rng = Pcg64::seed_from_u64(5);
     let (profile, total) = capture(medium, 1.0, (1e-3, 1e-8), &mut rng);
-    let options = FitOptions { u_scale_relative: 0.005, ..Default::default() };
+    let options = FitOptions {
+        u_scale_relative: 0.005,
+        ..Default::default()
+    };
     let run = |profile: &RadialProfile, total: Option<&TotalReflectance>, options: &FitOptions| {
         fit(profile, total, &model, options).unwrap_err()
     };
 
-    let bright = TotalReflectance { total_reflectance: 1.05, ..total.clone() };
+    let bright = TotalReflectance {
+        total_reflectance: 1.05,
+        ..total.clone()
+    };
     assert!(matches!(
         run(&profile, Some(&bright), &options),
-        FitError::TotalAboveCeiling { total: 1.05, ceiling: 1.0, .. }
+        FitError::TotalAboveCeiling {
+            total: 1.05,
+            ceiling: 1.0,
+            ..
+        }
     ));
-    assert!(matches!(run(&profile, None, &options), FitError::NoTotal { .. }));
-    let without_u = TotalReflectance { u_total_reflectance: 0.0, ..total.clone() };
-    assert!(matches!(run(&profile, Some(&without_u), &options), FitError::BadTotal { .. }));
+    assert!(matches!(
+        run(&profile, None, &options),
+        FitError::NoTotal { .. }
+    ));
+    let without_u = TotalReflectance {
+        u_total_reflectance: 0.0,
+        ..total.clone()
+    };
+    assert!(matches!(
+        run(&profile, Some(&without_u), &options),
+        FitError::BadTotal { .. }
+    ));
 
-    let empty = RadialProfile { points: vec![], ..profile.clone() };
+    let empty = RadialProfile {
+        points: vec![],
+        ..profile.clone()
+    };
     assert!(matches!(
         run(&empty, Some(&total), &options),
         FitError::TooFewPoints { points: 0, .. }
     ));
-    let narrow = FitOptions { range_mm: Some((30.0, 40.0)), ..options.clone() };
+    let narrow = FitOptions {
+        range_mm: Some((30.0, 40.0)),
+        ..options.clone()
+    };
     assert!(matches!(
         run(&profile, Some(&total), &narrow),
         FitError::TooFewPoints { points: 0, .. }
     ));
     let mut broken = profile.clone();
     broken.points[7].u_reflectance_per_mm2 = 0.0;
-    assert!(matches!(run(&broken, Some(&total), &options), FitError::BadPoint { u: 0.0, .. }));
+    assert!(matches!(
+        run(&broken, Some(&total), &options),
+        FitError::BadPoint { u: 0.0, .. }
+    ));
     let mut broken = profile.clone();
     broken.points.swap(3, 4);
     assert!(matches!(
@@ -210,12 +264,18 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
     for p in &mut dark.points {
         p.reflectance_per_mm2 = 0.5 * p.u_reflectance_per_mm2;
     }
-    assert!(matches!(run(&dark, Some(&total), &options), FitError::NoSignal { .. }));
+    assert!(matches!(
+        run(&dark, Some(&total), &options),
+        FitError::NoSignal { .. }
+    ));
     let wide = physics::Blur {
         beam: physics::footprint::Beam::Gaussian { fwhm_mm: 20.0 },
         pixel_mm: 0.04,
     };
-    let wide = FitOptions { blur: wide, ..options };
+    let wide = FitOptions {
+        blur: wide,
+        ..options
+    };
     assert!(matches!(
         run(&profile, Some(&total), &wide),
         FitError::BeamWiderThanProfile { .. }
@@ -225,19 +285,35 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
 /// A total within 3 u of the ceiling is at the bound, with a limit; beyond it is refused above.
 #[test]
 fn a_total_just_above_the_ceiling_is_at_the_bound() {
-    let medium = ReducedMedium { sigma_a: 0.0, sigma_s_prime: 20.4, eta: 1.3 };
+    let medium = ReducedMedium {
+        sigma_a: 0.0,
+        sigma_s_prime: 20.4,
+        eta: 1.3,
+    };
     let model = DipoleModel::new(1.3, DiffuseFresnel::Exact);
     let mut rng = Pcg64::seed_from_u64(8);
     let (profile, mut total) = capture(medium, 1.012, (1e-3, 1e-8), &mut rng);
     for constraint in [Constraint::Joint, Constraint::Exact] {
-        let options = FitOptions { constraint, u_scale_relative: 0.005, ..Default::default() };
+        let options = FitOptions {
+            constraint,
+            u_scale_relative: 0.005,
+            ..Default::default()
+        };
         let found = fit(&profile, Some(&total), &model, &options).unwrap();
         if constraint == Constraint::Exact {
             assert_eq!(found.termination, Termination::AtBound, "{found:?}");
         }
-        assert!(found.upper_limit.is_some_and(|limit| limit > 0.0 && limit < 1e-2), "{found:?}");
+        assert!(
+            found
+                .upper_limit
+                .is_some_and(|limit| limit > 0.0 && limit < 1e-2),
+            "{found:?}"
+        );
     }
     total.total_reflectance = 1.02;
-    let options = FitOptions { u_scale_relative: 0.005, ..Default::default() };
+    let options = FitOptions {
+        u_scale_relative: 0.005,
+        ..Default::default()
+    };
     assert!(fit(&profile, Some(&total), &model, &options).is_err());
 }

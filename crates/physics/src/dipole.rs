@@ -113,7 +113,11 @@ impl Dipole {
             };
             sum.value += near - far;
             // (e^(−σₜᵣ z) − e^(−σₜᵣ d))/σₜᵣ, without its cancellation.
-            let mean_path = if tr > 0.0 { -(-tr * path).exp_m1() / tr } else { path };
+            let mean_path = if tr > 0.0 {
+                -(-tr * path).exp_m1() / tr
+            } else {
+                path
+            };
             sum.in_sigma_tr_squared -= 0.5 * z * near * mean_path;
             let slope = (z * per_d).powi(2) + z * z * tr * per_d;
             sum.in_ln_depth -= tr * z * near + far * (1.0 - slope);
@@ -145,7 +149,11 @@ impl Dipole {
                 - in_albedo * self.sigma_s_prime,
             // σₐ = 0 leaves no way for σₛ′ to act through σₜᵣ, not even on the whole plane.
             in_sigma_s_prime: scale
-                * (if self.sigma_a > 0.0 { in_tr2 * self.sigma_a } else { 0.0 } + in_depth)
+                * (if self.sigma_a > 0.0 {
+                    in_tr2 * self.sigma_a
+                } else {
+                    0.0
+                } + in_depth)
                 + in_albedo * self.sigma_a,
         }
     }
@@ -435,7 +443,11 @@ pub(crate) mod tests {
     #[test]
     fn without_absorption_the_slope_in_sigma_a_is_finite_but_for_the_whole_plane() {
         let at = |sigma_a| {
-            let clear = ReducedMedium { sigma_a, sigma_s_prime: 5.0, eta: 1.3 };
+            let clear = ReducedMedium {
+                sigma_a,
+                sigma_s_prime: 5.0,
+                eta: 1.3,
+            };
             Dipole::new(&clear, DiffuseFresnel::Exact)
         };
         // One-sided difference; its own error is of the order of σₐ·r²σₜ′.
@@ -444,11 +456,17 @@ pub(crate) mod tests {
             let f = |a| at(a).diffuse_reflectance(radius);
             let slope = (f(step) - f(0.0)) / step;
             let got = at(0.0).diffuse_reflectance_gradient(radius).in_sigma_a;
-            assert!((got / slope - 1.0).abs() < 1e-3, "R_d at {radius}: {got} for {slope}");
+            assert!(
+                (got / slope - 1.0).abs() < 1e-3,
+                "R_d at {radius}: {got} for {slope}"
+            );
             let f = |a| at(a).within(radius).value;
             let slope = (f(step) - f(0.0)) / step;
             let got = at(0.0).within(radius).in_sigma_a;
-            assert!((got / slope - 1.0).abs() < 1e-3, "within {radius}: {got} for {slope}");
+            assert!(
+                (got / slope - 1.0).abs() < 1e-3,
+                "within {radius}: {got} for {slope}"
+            );
         }
         assert_eq!(at(0.0).within(f64::INFINITY).in_sigma_a, f64::NEG_INFINITY);
         assert!(at(0.0).within(f64::INFINITY).in_sigma_s_prime.abs() < 1e-12);
@@ -467,9 +485,15 @@ pub(crate) mod tests {
                 "{medium:?}: {closed} for {ring}"
             );
             let total = dipole.within(to).value + dipole.beyond(to);
-            assert!((total / dipole.total_reflectance() - 1.0).abs() < 1e-13, "{medium:?}");
+            assert!(
+                (total / dipole.total_reflectance() - 1.0).abs() < 1e-13,
+                "{medium:?}"
+            );
             let whole = dipole.within(f64::INFINITY).value;
-            assert!((whole / dipole.total_reflectance() - 1.0).abs() < 1e-15, "{medium:?}");
+            assert!(
+                (whole / dipole.total_reflectance() - 1.0).abs() < 1e-15,
+                "{medium:?}"
+            );
         }
     }
 

@@ -156,7 +156,10 @@ impl Coefficients {
     /// extinction σₜ′, both mm⁻¹; σₜᵣ below √3 σₜ′.
     pub fn from_sigma_tr(sigma_tr: f64, sigma_t_prime: f64) -> Self {
         let sigma_a = sigma_tr * sigma_tr / (3.0 * sigma_t_prime);
-        Self { sigma_a, sigma_s_prime: sigma_t_prime - sigma_a }
+        Self {
+            sigma_a,
+            sigma_s_prime: sigma_t_prime - sigma_a,
+        }
     }
 
     /// Reduced extinction coefficient σₜ′ = σₐ + σₛ′, mm⁻¹.
@@ -194,10 +197,16 @@ mod tests {
 
     #[test]
     fn sigma_tr_and_sigma_t_prime_give_the_coefficients_back() {
-        let c = Coefficients { sigma_a: 0.0041, sigma_s_prime: 2.62 };
+        let c = Coefficients {
+            sigma_a: 0.0041,
+            sigma_s_prime: 2.62,
+        };
         let back = Coefficients::from_sigma_tr(c.sigma_tr(), c.sigma_t_prime());
         assert!((back.sigma_a / c.sigma_a - 1.0).abs() < 1e-13, "{back:?}");
-        assert!((back.sigma_s_prime / c.sigma_s_prime - 1.0).abs() < 1e-13, "{back:?}");
+        assert!(
+            (back.sigma_s_prime / c.sigma_s_prime - 1.0).abs() < 1e-13,
+            "{back:?}"
+        );
     }
 
     #[test]

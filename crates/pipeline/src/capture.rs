@@ -32,7 +32,10 @@ impl Input {
 
     /// The input `path` under its own file name, wherever it stands.
     pub fn named_by_itself(path: &Path, bytes: &[u8]) -> Self {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        let name = path
+            .file_name()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy();
         Self::new(path, &name, bytes)
     }
 }
@@ -95,9 +98,19 @@ pub fn load(path: &Path) -> Result<Loaded> {
 impl Loaded {
     /// Every file that the manifest names, itself included.
     pub fn paths(&self) -> Vec<PathBuf> {
-        let Capture { sample, reference, .. } = &self.capture;
-        let sets = [&sample.frames, &sample.dark, &reference.frames, &reference.dark];
-        let frames = sets.into_iter().flatten().map(|entry| self.folder.join(&entry.file));
+        let Capture {
+            sample, reference, ..
+        } = &self.capture;
+        let sets = [
+            &sample.frames,
+            &sample.dark,
+            &reference.frames,
+            &reference.dark,
+        ];
+        let frames = sets
+            .into_iter()
+            .flatten()
+            .map(|entry| self.folder.join(&entry.file));
         frames.chain([self.input.path.clone()]).collect()
     }
 
@@ -162,7 +175,10 @@ impl Loaded {
         for entry in order {
             monitor.check()?;
             // Frames of one exposure share their dark.
-            if dark.as_ref().is_none_or(|d| d.exposure_s() != entry.exposure_s) {
+            if dark
+                .as_ref()
+                .is_none_or(|d| d.exposure_s() != entry.exposure_s)
+            {
                 dark = Some(self.dark(entry, darks, &mut inputs, monitor)?);
             }
             let dark = dark.as_ref().expect("it was made just above");
@@ -174,13 +190,19 @@ impl Loaded {
                         .input(self.place(&entry.file))?,
                 ),
             };
-            merge.add(&frame, dark, entry.exposure_s).input(self.place(&entry.file))?;
+            merge
+                .add(&frame, dark, entry.exposure_s)
+                .input(self.place(&entry.file))?;
             monitor.step();
         }
         let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
         let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
         let (map, report) = merge.finish().input(place)?;
-        Ok(Merged { map, report, inputs })
+        Ok(Merged {
+            map,
+            report,
+            inputs,
+        })
     }
 
     /// The mean of the darks that serve `entry`.
@@ -231,11 +253,19 @@ impl Loaded {
 
 /// What was dropped in a merge, in sentences.
 pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
-    let names: Vec<&str> = merged.map.channels.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<&str> = merged
+        .map
+        .channels
+        .iter()
+        .map(|c| c.name.as_str())
+        .collect();
     let pixels = (merged.map.width * merged.map.height) as f64;
     let per_channel = |numbers: &mut dyn Iterator<Item = String>| {
-        let cells: Vec<String> =
-            names.iter().zip(numbers).map(|(name, n)| format!("{name} {n}")).collect();
+        let cells: Vec<String> = names
+            .iter()
+            .zip(numbers)
+            .map(|(name, n)| format!("{name} {n}"))
+            .collect();
         cells.join(", ")
     };
     let what = subject.field();
@@ -255,9 +285,21 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
     }
     let hot = per_channel(&mut merged.report.channels.iter().map(|c| c.hot.to_string()));
     lines.push(format!("{what}: hot pixels masked: {hot}"));
-    if merged.report.channels.iter().any(|c| c.saturated_everywhere > 0) {
-        let counts = &mut merged.report.channels.iter().map(|c| c.saturated_everywhere.to_string());
-        lines.push(format!("{what}: saturated in every frame: {}", per_channel(counts)));
+    if merged
+        .report
+        .channels
+        .iter()
+        .any(|c| c.saturated_everywhere > 0)
+    {
+        let counts = &mut merged
+            .report
+            .channels
+            .iter()
+            .map(|c| c.saturated_everywhere.to_string());
+        lines.push(format!(
+            "{what}: saturated in every frame: {}",
+            per_channel(counts)
+        ));
     }
     lines
 }

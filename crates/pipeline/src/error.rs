@@ -28,7 +28,10 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// An error of this kind with nothing below it.
     pub fn new(kind: Kind, message: impl fmt::Display) -> Self {
-        Self { kind, source: anyhow::Error::msg(message.to_string()) }
+        Self {
+            kind,
+            source: anyhow::Error::msg(message.to_string()),
+        }
     }
 
     /// The user stopped it.
@@ -44,7 +47,10 @@ impl Error {
     /// The same error, said to have happened in `context`.
     #[must_use]
     pub fn within(self, context: impl fmt::Display) -> Self {
-        Self { kind: self.kind, source: self.source.context(context.to_string()) }
+        Self {
+            kind: self.kind,
+            source: self.source.context(context.to_string()),
+        }
     }
 }
 

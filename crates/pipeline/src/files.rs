@@ -46,7 +46,11 @@ impl Outputs {
         inputs: &[PathBuf],
         force: bool,
     ) -> Result<Self> {
-        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let folder = if folder.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            folder
+        };
         if folder.exists() && !folder.is_dir() {
             let found = format!("{}: a file stands where a folder should", folder.display());
             return Err(Error::new(Kind::Input, found));
@@ -66,7 +70,12 @@ impl Outputs {
             .prefix(".beamspot-")
             .tempdir_in(parent)
             .fault(format!("writing to {}", parent.display()))?;
-        Ok(Self { folder: folder.to_owned(), stage, names, force })
+        Ok(Self {
+            folder: folder.to_owned(),
+            stage,
+            names,
+            force,
+        })
     }
 
     /// Writes one of the outputs.
@@ -80,7 +89,11 @@ impl Outputs {
         fill: impl FnOnce(&mut BufWriter<File>) -> anyhow::Result<()>,
     ) -> Result<()> {
         let name = name.as_ref();
-        debug_assert!(self.names.iter().any(|n| n == name), "{} was not announced", name.display());
+        debug_assert!(
+            self.names.iter().any(|n| n == name),
+            "{} was not announced",
+            name.display()
+        );
         let path = self.stage.path().join(name);
         let place = || format!("writing {}", self.folder.join(name).display());
         if let Some(parent) = path.parent() {
@@ -125,16 +138,17 @@ pub fn split(path: &Path) -> Result<(PathBuf, PathBuf)> {
         let found = format!("{}: expected the name of a file to write", path.display());
         Error::new(Kind::Input, found)
     })?;
-    Ok((path.parent().unwrap_or(Path::new("")).to_owned(), name.into()))
+    Ok((
+        path.parent().unwrap_or(Path::new("")).to_owned(),
+        name.into(),
+    ))
 }
 
 fn refuse_existing(target: &Path, inputs: &[PathBuf], force: bool) -> Result<()> {
     if !target.exists() {
         return Ok(());
     }
-    let same = |input: &PathBuf| {
-        matches!((target.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b)
-    };
+    let same = |input: &PathBuf| matches!((target.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b);
     if inputs.iter().any(same) {
         let found = format!("{}: is an input; choose another output", target.display());
         return Err(Error::new(Kind::Input, found));
@@ -180,11 +194,15 @@ mod tests {
         let here = tempfile::tempdir().unwrap();
         let file = here.path().join("a.txt");
         fs::write(&file, "old").unwrap();
-        let error = Outputs::new(here.path(), ["a.txt"], &[], false).err().unwrap();
+        let error = Outputs::new(here.path(), ["a.txt"], &[], false)
+            .err()
+            .unwrap();
         assert!(error.to_string().contains("a.txt: exists"), "{error}");
         assert_eq!(error.kind(), Kind::Input);
         let inputs = [file.clone()];
-        let error = Outputs::new(here.path(), ["a.txt"], &inputs, true).err().unwrap();
+        let error = Outputs::new(here.path(), ["a.txt"], &inputs, true)
+            .err()
+            .unwrap();
         assert!(error.to_string().contains("is an input"), "{error}");
         let outputs = Outputs::new(here.path(), ["a.txt"], &[], true).unwrap();
         outputs.write("a.txt", fill("new")).unwrap();
@@ -199,6 +217,9 @@ mod tests {
         outputs.write("a.txt", fill("new")).unwrap();
         fs::write(here.path().join("a.txt"), "theirs").unwrap();
         assert!(outputs.commit().is_err());
-        assert_eq!(fs::read_to_string(here.path().join("a.txt")).unwrap(), "theirs");
+        assert_eq!(
+            fs::read_to_string(here.path().join("a.txt")).unwrap(),
+            "theirs"
+        );
     }
 }

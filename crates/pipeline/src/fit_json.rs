@@ -94,7 +94,11 @@ pub fn termination_name(termination: Termination) -> &'static str {
 
 impl From<&Estimate> for Number {
     fn from(e: &Estimate) -> Self {
-        Self { value: e.value, u: e.u, ci95: [e.ci95.0, e.ci95.1] }
+        Self {
+            value: e.value,
+            u: e.u,
+            ci95: [e.ci95.0, e.ci95.1],
+        }
     }
 }
 
@@ -141,7 +145,10 @@ impl FitDocument {
             beamspot_version: env!("CARGO_PKG_VERSION"),
             inputs: inputs
                 .iter()
-                .map(|i| InputHash { file: i.name.clone(), blake3: i.blake3.clone() })
+                .map(|i| InputHash {
+                    file: i.name.clone(),
+                    blake3: i.blake3.clone(),
+                })
                 .collect(),
             material,
             eta,

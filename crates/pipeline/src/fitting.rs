@@ -41,11 +41,18 @@ pub struct Given {
 
 impl Given {
     fn entry_factor(&self, eta: f64) -> f64 {
-        if self.entry_loss { fresnel::entry_factor(eta, self.cos_beam) } else { 1.0 }
+        if self.entry_loss {
+            fresnel::entry_factor(eta, self.cos_beam)
+        } else {
+            1.0
+        }
     }
 
     fn blur(&self) -> Blur {
-        Blur { beam: self.beam, pixel_mm: self.pixel_mm }
+        Blur {
+            beam: self.beam,
+            pixel_mm: self.pixel_mm,
+        }
     }
 
     fn options(&self, eta: f64, u_scale_relative: f64) -> FitOptions {
@@ -80,7 +87,10 @@ pub fn fit_channel(
     let best = fit::fit(profile, total, &*model, &options).input(place())?;
 
     // Neighbouring fits keep the range, so that their difference is that of the input alone.
-    let fixed = Given { range_mm: Some(best.range_mm), ..given.clone() };
+    let fixed = Given {
+        range_mm: Some(best.range_mm),
+        ..given.clone()
+    };
     let mut contributions = vec![];
     if given.u_eta > 0.0 {
         let at = |eta: f64| -> Result<Coefficients> {
@@ -110,8 +120,14 @@ pub fn fit_channel(
     if given.u_fwhm_mm > 0.0 {
         let at = |change: f64| -> Result<Coefficients> {
             let beam = widened(fixed.beam, change);
-            let options = Given { beam, ..fixed.clone() }.options(given.eta, u_scale_relative);
-            Ok(fit::fit(profile, total, &*model, &options).input(place())?.coefficients())
+            let options = Given {
+                beam,
+                ..fixed.clone()
+            }
+            .options(given.eta, u_scale_relative);
+            Ok(fit::fit(profile, total, &*model, &options)
+                .input(place())?
+                .coefficients())
         };
         contributions.push(difference(at(-given.u_fwhm_mm)?, at(given.u_fwhm_mm)?, 0.5));
     }
@@ -135,8 +151,12 @@ fn exit_factor(exit: Exit, eta: f64) -> f64 {
 fn widened(beam: Beam, change: f64) -> Beam {
     match beam {
         Beam::Point => Beam::Point,
-        Beam::Gaussian { fwhm_mm } => Beam::Gaussian { fwhm_mm: (fwhm_mm + change).max(0.0) },
-        Beam::Disk { fwhm_mm } => Beam::Disk { fwhm_mm: (fwhm_mm + change).max(0.0) },
+        Beam::Gaussian { fwhm_mm } => Beam::Gaussian {
+            fwhm_mm: (fwhm_mm + change).max(0.0),
+        },
+        Beam::Disk { fwhm_mm } => Beam::Disk {
+            fwhm_mm: (fwhm_mm + change).max(0.0),
+        },
     }
 }
 
@@ -150,7 +170,10 @@ fn scaled(profile: &RadialProfile, factor: f64) -> RadialProfile {
             ..*p
         })
         .collect();
-    RadialProfile { channel: profile.channel.clone(), points }
+    RadialProfile {
+        channel: profile.channel.clone(),
+        points,
+    }
 }
 
 /// What the fitted medium looks like, per incident power, at every radius of `profile`, blurred
@@ -164,13 +187,20 @@ pub fn model_curve(profile: &RadialProfile, fit: &Fit, given: &Given) -> Result<
     let points: Vec<ProfilePoint> = profile
         .points
         .iter()
-        .map(|p| ProfilePoint { ring_mm: None, ..*p })
+        .map(|p| ProfilePoint {
+            ring_mm: None,
+            ..*p
+        })
         .collect();
     let mut values = vec![0.0; points.len()];
     let footprints = Footprints::new(&points, &given.blur());
     footprints.reflectance(&*model, fit.coefficients(), &mut values);
     let factor = given.entry_factor(given.eta) * fit.scale;
-    Ok(points.iter().zip(values).map(|(p, v)| (p.radius_mm, factor * v)).collect())
+    Ok(points
+        .iter()
+        .zip(values)
+        .map(|(p, v)| (p.radius_mm, factor * v))
+        .collect())
 }
 
 /// The rows that `fits` add to a table of materials.
@@ -183,12 +213,19 @@ pub fn materials(fits: &[Fit], material: &str, given: &Given) -> Result<Vec<Mate
     Ok(fits
         .iter()
         .map(|fit| {
-            let Coefficients { sigma_a, sigma_s_prime } = fit.coefficients();
+            let Coefficients {
+                sigma_a,
+                sigma_s_prime,
+            } = fit.coefficients();
             Material {
                 material: material.to_owned(),
                 channel: fit.channel.clone(),
                 wavelength_nm: None,
-                medium: physics::ReducedMedium { sigma_a, sigma_s_prime, eta: given.eta },
+                medium: physics::ReducedMedium {
+                    sigma_a,
+                    sigma_s_prime,
+                    eta: given.eta,
+                },
                 u_sigma_a_per_mm: Some(fit.sigma_a.u),
                 u_sigma_s_prime_per_mm: Some(fit.sigma_s_prime.u),
                 correlation: Some(fit.correlation),

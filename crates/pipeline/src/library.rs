@@ -24,12 +24,18 @@ pub fn materials_text() -> &'static str {
 /// A name that is not there is answered with those that are.
 pub fn material(name: &str) -> Result<Vec<Material>> {
     let all = materials();
-    let found: Vec<Material> =
-        all.iter().filter(|m| m.material.eq_ignore_ascii_case(name)).cloned().collect();
+    let found: Vec<Material> = all
+        .iter()
+        .filter(|m| m.material.eq_ignore_ascii_case(name))
+        .cloned()
+        .collect();
     if found.is_empty() {
         let mut names: Vec<&str> = all.iter().map(|m| m.material.as_str()).collect();
         names.dedup();
-        let message = format!("no material is called `{name}`; there are {}", names.join(", "));
+        let message = format!(
+            "no material is called `{name}`; there are {}",
+            names.join(", ")
+        );
         return Err(Error::new(Kind::Usage, message));
     }
     Ok(found)
@@ -44,14 +50,21 @@ pub const MODELS: [&str; 2] = ["dipole", "jensen2001"];
 ///
 /// A name that is not there is answered with those that are.
 pub fn model(name: &str, eta: f64) -> Result<Box<dyn ForwardModel>> {
-    physics::ReducedMedium { sigma_a: 0.0, sigma_s_prime: 1.0, eta }
-        .validated()
-        .input("eta")?;
+    physics::ReducedMedium {
+        sigma_a: 0.0,
+        sigma_s_prime: 1.0,
+        eta,
+    }
+    .validated()
+    .input("eta")?;
     match name {
         "dipole" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::Exact))),
         "jensen2001" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::RationalFit))),
         _ => {
-            let message = format!("no model is called `{name}`; there are {}", MODELS.join(", "));
+            let message = format!(
+                "no model is called `{name}`; there are {}",
+                MODELS.join(", ")
+            );
             Err(Error::new(Kind::Usage, message))
         }
     }

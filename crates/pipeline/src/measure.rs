@@ -9,7 +9,7 @@ use fit::{Constraint, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
 use physics::footprint::Beam;
-use physics::{Material, RadianceMap, RadialProfile, TotalReflectance};
+use physics::{Material, RadialProfile, RadianceMap, TotalReflectance};
 use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale};
 use std::collections::BTreeMap;
 
@@ -26,7 +26,11 @@ pub struct Choices {
 
 impl Default for Choices {
     fn default() -> Self {
-        Self { model: "dipole".to_owned(), constraint: Constraint::Joint, range_mm: None }
+        Self {
+            model: "dipole".to_owned(),
+            constraint: Constraint::Joint,
+            range_mm: None,
+        }
     }
 }
 
@@ -92,10 +96,17 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let capture = &loaded.capture;
     let mut scales = vec![];
     let mut channels = vec![];
-    for (index, (channel, white)) in
-        sample.map.channels.iter().zip(&reference.map.channels).enumerate()
+    for (index, (channel, white)) in sample
+        .map
+        .channels
+        .iter()
+        .zip(&reference.map.channels)
+        .enumerate()
     {
-        let medium = capture.reference.medium(index, count(&sample)).input(loaded.input.path.display())?;
+        let medium = capture
+            .reference
+            .medium(index, count(&sample))
+            .input(loaded.input.path.display())?;
         let options = ReferenceOptions {
             mm_per_pixel: capture.geometry.mm_per_pixel,
             center_px: None,
@@ -118,7 +129,16 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     inputs.extend(sample.inputs);
     inputs.extend(reference.inputs);
     let RadianceMap { width, height, .. } = sample.map;
-    Ok(Radiance { map: RadianceMap { width, height, channels }, scales, inputs, merge_lines })
+    Ok(Radiance {
+        map: RadianceMap {
+            width,
+            height,
+            channels,
+        },
+        scales,
+        inputs,
+        merge_lines,
+    })
 }
 
 impl Radiance {
@@ -135,7 +155,10 @@ impl Radiance {
             })
             .collect();
         let provenance = BTreeMap::from([
-            ("beamspot_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            (
+                "beamspot_version".to_owned(),
+                env!("CARGO_PKG_VERSION").to_owned(),
+            ),
             ("material".to_owned(), loaded.capture.material.clone()),
             ("manifest_blake3".to_owned(), loaded.input.blake3.clone()),
         ]);
@@ -252,9 +275,10 @@ impl Measurement {
 
 fn exit(capture: &manifest::Capture) -> Exit {
     match capture.model.exit {
-        manifest::Exit::Fresnel => {
-            Exit::Fresnel { eta: capture.eta, angle: capture.camera.angle_deg.to_radians() }
-        }
+        manifest::Exit::Fresnel => Exit::Fresnel {
+            eta: capture.eta,
+            angle: capture.camera.angle_deg.to_radians(),
+        },
         manifest::Exit::Lambert => Exit::Lambert,
     }
 }

@@ -19,7 +19,11 @@ pub trait Monitor: Sync {
     ///
     /// [`Error::interrupted`].
     fn check(&self) -> Result<()> {
-        if self.stopped() { Err(Error::interrupted()) } else { Ok(()) }
+        if self.stopped() {
+            Err(Error::interrupted())
+        } else {
+            Ok(())
+        }
     }
 }
 

@@ -10,12 +10,21 @@ use std::io::Write;
 use std::path::Path;
 
 /// The files of a measurement; a figure of each channel comes on top.
-const NAMES: [&str; 6] =
-    ["radiance.exr", "profile.csv", "totals.csv", "fit.json", "materials.csv", "report.html"];
+const NAMES: [&str; 6] = [
+    "radiance.exr",
+    "profile.csv",
+    "totals.csv",
+    "fit.json",
+    "materials.csv",
+    "report.html",
+];
 
 fn figure_name(channel: &str) -> String {
     let safe = |c: char| if c.is_alphanumeric() { c } else { '_' };
-    format!("profile_{}.svg", channel.chars().map(safe).collect::<String>())
+    format!(
+        "profile_{}.svg",
+        channel.chars().map(safe).collect::<String>()
+    )
 }
 
 /// Opens the outputs of measuring `loaded` into `folder`, and refuses what is in the way.
@@ -37,21 +46,34 @@ pub fn open(loaded: &Loaded, folder: &Path, force: bool) -> Result<Outputs> {
 /// The disk is full, or an output has appeared meanwhile.
 pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Result<()> {
     let radiance = measurement.radiance.to_file(loaded);
-    files.write("radiance.exr", |out| Ok(formats::write_radiance(&radiance, out)?))?;
+    files.write("radiance.exr", |out| {
+        Ok(formats::write_radiance(&radiance, out)?)
+    })?;
     let profiles = measurement.profiles();
-    files.write("profile.csv", |out| Ok(formats::profile_csv::write(&profiles, out)?))?;
+    files.write("profile.csv", |out| {
+        Ok(formats::profile_csv::write(&profiles, out)?)
+    })?;
     let totals = measurement.totals();
-    files.write("totals.csv", |out| Ok(formats::totals_csv::write(&totals, out)?))?;
+    files.write("totals.csv", |out| {
+        Ok(formats::totals_csv::write(&totals, out)?)
+    })?;
     let document = measurement.document();
-    files.write("fit.json", |out| Ok(out.write_all(document.to_json()?.as_bytes())?))?;
+    files.write("fit.json", |out| {
+        Ok(out.write_all(document.to_json()?.as_bytes())?)
+    })?;
     let rows = &measurement.materials;
-    files.write("materials.csv", |out| Ok(formats::materials_csv::write(rows, out)?))?;
+    files.write("materials.csv", |out| {
+        Ok(formats::materials_csv::write(rows, out)?)
+    })?;
 
     let mut channels = vec![];
     for ((fit, profile), row) in measurement.fits.iter().zip(&profiles).zip(rows) {
         let model_curve = model_curve(profile, fit, &measurement.given)?
             .into_iter()
-            .map(|(radius_mm, reflectance_per_mm2)| CurvePoint { radius_mm, reflectance_per_mm2 })
+            .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
+                radius_mm,
+                reflectance_per_mm2,
+            })
             .collect();
         channels.push(ChannelReport {
             fit,
@@ -77,7 +99,10 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             .radiance
             .inputs
             .iter()
-            .map(|i| report::Input { name: i.name.clone(), blake3: i.blake3.clone() })
+            .map(|i| report::Input {
+                name: i.name.clone(),
+                blake3: i.blake3.clone(),
+            })
             .collect(),
     };
     for channel in &page.channels {
@@ -85,6 +110,8 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         let svg = figure_svg(&measurement.material, channel);
         files.write(name, |out| Ok(out.write_all(svg.as_bytes())?))?;
     }
-    files.write("report.html", |out| Ok(out.write_all(report_html(&page).as_bytes())?))?;
+    files.write("report.html", |out| {
+        Ok(out.write_all(report_html(&page).as_bytes())?)
+    })?;
     files.commit()
 }

@@ -42,8 +42,17 @@ pub fn sample_from(path: &Path) -> Result<Sample> {
             .channel
             .iter()
             .map(|c| {
-                let Coefficients { sigma_a, sigma_s_prime } = file.medium(c).coefficients();
-                (c.name.clone(), Coefficients { sigma_a, sigma_s_prime })
+                let Coefficients {
+                    sigma_a,
+                    sigma_s_prime,
+                } = file.medium(c).coefficients();
+                (
+                    c.name.clone(),
+                    Coefficients {
+                        sigma_a,
+                        sigma_s_prime,
+                    },
+                )
             })
             .collect(),
     })
@@ -72,7 +81,11 @@ fn stem(role: Role) -> (&'static str, &'static str) {
 
 fn file_name(shot: &Shot) -> String {
     let (folder, prefix) = stem(shot.role);
-    let repeat = if shot.repeat > 0 { format!("_{}", shot.repeat + 1) } else { String::new() };
+    let repeat = if shot.repeat > 0 {
+        format!("_{}", shot.repeat + 1)
+    } else {
+        String::new()
+    };
     format!("{folder}/{prefix}_{:02}{repeat}.tif", shot.exposure + 1)
 }
 
@@ -95,19 +108,27 @@ pub fn write(
     let at = |eta: f64| -> Box<dyn ForwardModel> {
         library::model(model, eta).expect("the name was tried above")
     };
-    let capture = Capture::new(sample, camera, &at, seed).input(format!("synth {}", sample.material))?;
+    let capture =
+        Capture::new(sample, camera, &at, seed).input(format!("synth {}", sample.material))?;
     let shots = capture.shots();
-    let names = shots.iter().map(file_name).chain(["capture.toml".into(), "truth.json".into()]);
+    let names = shots
+        .iter()
+        .map(file_name)
+        .chain(["capture.toml".into(), "truth.json".into()]);
     let outputs = Outputs::new(folder, names, &[], force)?;
     monitor.begin("exposing", shots.len() as u64);
     for shot in &shots {
         monitor.check()?;
         let frame = capture.expose(shot);
-        outputs.write(file_name(shot), |out| Ok(formats::encode_tiff(&frame, out)?))?;
+        outputs.write(file_name(shot), |out| {
+            Ok(formats::encode_tiff(&frame, out)?)
+        })?;
         monitor.step();
     }
     let manifest = manifest_of(sample, &capture, &shots);
-    outputs.write("capture.toml", |out| Ok(out.write_all(manifest.to_toml().as_bytes())?))?;
+    outputs.write("capture.toml", |out| {
+        Ok(out.write_all(manifest.to_toml().as_bytes())?)
+    })?;
     let truth = serde_json::to_string_pretty(capture.truth())
         .map_err(|e| Error::new(Kind::Fault, e))?
         + "\n";
@@ -125,7 +146,10 @@ fn manifest_of(sample: &Sample, capture: &Capture, shots: &[Shot]) -> manifest::
         shots
             .iter()
             .filter(|s| s.role == role)
-            .map(|s| manifest::FrameEntry { file: file_name(s), exposure_s: s.exposure_s })
+            .map(|s| manifest::FrameEntry {
+                file: file_name(s),
+                exposure_s: s.exposure_s,
+            })
             .collect()
     };
     manifest::Capture {

@@ -43,8 +43,15 @@ pub(crate) fn run(
     let sample = synthesis::sample_of(MATERIAL)?;
     let frames = folder.join("capture");
     let camera = synth::Camera::default();
-    let manifest =
-        synthesis::write(&sample, camera, "dipole", SEED, &frames, common.force, monitor)?;
+    let manifest = synthesis::write(
+        &sample,
+        camera,
+        "dipole",
+        SEED,
+        &frames,
+        common.force,
+        monitor,
+    )?;
 
     let loaded = capture::load(&manifest)?;
     let files = outputs::open(&loaded, &folder, common.force)?;
@@ -62,12 +69,29 @@ pub(crate) fn run(
             })
             .collect();
         let schema_version = pipeline::fit_json::SCHEMA_VERSION;
-        return print::json(out, &Document { schema_version, truth, fit: measurement.document() });
+        return print::json(
+            out,
+            &Document {
+                schema_version,
+                truth,
+                fit: measurement.document(),
+            },
+        );
     }
-    print::line(out, format!("photographed (synthetically): {}", manifest.display()))?;
+    print::line(
+        out,
+        format!("photographed (synthetically): {}", manifest.display()),
+    )?;
     summary(out, &measurement, &folder)?;
     print::line(out, "\nrecovered against true, mm^-1:")?;
-    let header = ["channel", "coefficient", "true", "recovered", "error", "in u"];
+    let header = [
+        "channel",
+        "coefficient",
+        "true",
+        "recovered",
+        "error",
+        "in u",
+    ];
     let mut rows = vec![];
     for (fit, (channel, truth)) in measurement.fits.iter().zip(&sample.channels) {
         for (name, found, truth) in [
@@ -91,9 +115,19 @@ pub(crate) fn run(
 /// `beamspot-demo`, or the first numbered one that is not there yet.
 fn fresh_folder() -> Result<PathBuf> {
     let named = |n: u32| {
-        if n == 1 { PathBuf::from("beamspot-demo") } else { format!("beamspot-demo-{n}").into() }
+        if n == 1 {
+            PathBuf::from("beamspot-demo")
+        } else {
+            format!("beamspot-demo-{n}").into()
+        }
     };
-    (1..10_000).map(named).find(|folder| !Path::new(folder).exists()).ok_or_else(|| {
-        Error::new(Kind::Input, "there are 10,000 beamspot-demo folders here: give one with -o")
-    })
+    (1..10_000)
+        .map(named)
+        .find(|folder| !Path::new(folder).exists())
+        .ok_or_else(|| {
+            Error::new(
+                Kind::Input,
+                "there are 10,000 beamspot-demo folders here: give one with -o",
+            )
+        })
 }

@@ -67,18 +67,30 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         .iter()
         .map(|profile| {
             let total = totals.iter().find(|t| t.channel == profile.channel);
-            let u_scale = args.u_scale.or(total.map(|t| t.u_scale_relative)).unwrap_or(0.0);
+            let u_scale = args
+                .u_scale
+                .or(total.map(|t| t.u_scale_relative))
+                .unwrap_or(0.0);
             fitting::fit_channel(profile, total, u_scale, &given).map_err(|e| e.within(&place))
         })
         .collect::<Result<Vec<Fit>>>()?;
 
-    let document =
-        FitDocument::new(&fits, None, args.eta, &given.model, constraint, &inputs, &notes);
+    let document = FitDocument::new(
+        &fits,
+        None,
+        args.eta,
+        &given.model,
+        constraint,
+        &inputs,
+        &notes,
+    );
     if let Some(path) = &args.output {
         let (folder, name) = split(path)?;
         let paths: Vec<PathBuf> = inputs.iter().map(|i| i.path.clone()).collect();
         let outputs = Outputs::new(&folder, [&name], &paths, common.force)?;
-        outputs.write(&name, |out| Ok(out.write_all(document.to_json()?.as_bytes())?))?;
+        outputs.write(&name, |out| {
+            Ok(out.write_all(document.to_json()?.as_bytes())?)
+        })?;
         outputs.commit()?;
     }
     if common.json {

@@ -38,7 +38,12 @@ pub(crate) fn run(
             output,
             width: radiance.map.width,
             height: radiance.map.height,
-            channels: radiance.map.channels.iter().map(|c| c.name.clone()).collect(),
+            channels: radiance
+                .map
+                .channels
+                .iter()
+                .map(|c| c.name.clone())
+                .collect(),
             notes: radiance.merge_lines,
         };
         return print::json(out, &document);

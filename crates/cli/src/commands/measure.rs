@@ -36,8 +36,11 @@ pub(crate) fn run(
     out: &mut impl Write,
 ) -> Result<()> {
     let choices = Choices::from(&args.fit);
-    let loaded =
-        args.captures.iter().map(|path| capture::load(path)).collect::<Result<Vec<_>>>()?;
+    let loaded = args
+        .captures
+        .iter()
+        .map(|path| capture::load(path))
+        .collect::<Result<Vec<_>>>()?;
     let folders = folders(args, &loaded);
     let mut documents = vec![];
     let mut tables: Vec<Vec<Material>> = vec![];
@@ -57,7 +60,9 @@ pub(crate) fn run(
     }
     if let Some(collected) = collected {
         let rows = tables.concat();
-        collected.write("materials.csv", |out| Ok(formats::materials_csv::write(&rows, out)?))?;
+        collected.write("materials.csv", |out| {
+            Ok(formats::materials_csv::write(&rows, out)?)
+        })?;
         collected.commit()?;
     }
     if !common.json {
@@ -67,7 +72,13 @@ pub(crate) fn run(
         Some(only) if documents.is_empty() => print::json(out, &only),
         last => {
             documents.extend(last);
-            print::json(out, &Document { schema_version: SCHEMA_VERSION, captures: documents })
+            print::json(
+                out,
+                &Document {
+                    schema_version: SCHEMA_VERSION,
+                    captures: documents,
+                },
+            )
         }
     }
 }
@@ -81,11 +92,21 @@ fn folders(args: &MeasureArgs, loaded: &[capture::Loaded]) -> Vec<PathBuf> {
     loaded
         .iter()
         .map(|l| {
-            let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+            let safe = |c: char| {
+                if c.is_alphanumeric() || "-_.".contains(c) {
+                    c
+                } else {
+                    '_'
+                }
+            };
             let name: String = l.capture.material.chars().map(safe).collect();
             let count = used.entry(name.to_lowercase()).or_default();
             *count += 1;
-            args.output.join(if *count > 1 { format!("{name}-{count}") } else { name })
+            args.output.join(if *count > 1 {
+                format!("{name}-{count}")
+            } else {
+                name
+            })
         })
         .collect()
 }
@@ -101,11 +122,17 @@ pub(crate) fn summary(
     let material = &measurement.material;
     print::line(
         out,
-        format!("{material}, eta {}, model {}, constraint {constraint}", given.eta, given.model),
+        format!(
+            "{material}, eta {}, model {}, constraint {constraint}",
+            given.eta, given.model
+        ),
     )?;
     print::fits(out, &measurement.fits)?;
     for assumption in &measurement.assumptions {
         print::line(out, format!("note: {assumption}"))?;
     }
-    print::line(out, format!("wrote {}", folder.join("report.html").display()))
+    print::line(
+        out,
+        format!("wrote {}", folder.join("report.html").display()),
+    )
 }

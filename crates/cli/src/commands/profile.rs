@@ -48,11 +48,13 @@ pub(crate) fn run(
     out: &mut impl Write,
 ) -> Result<()> {
     let (folder, name) = split(&args.output)?;
-    let is_map = args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    let is_map = args
+        .input
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
     let totals_name = PathBuf::from("totals.csv");
-    let open = |inputs: &[PathBuf]| {
-        Outputs::new(&folder, [&name, &totals_name], inputs, common.force)
-    };
+    let open =
+        |inputs: &[PathBuf]| Outputs::new(&folder, [&name, &totals_name], inputs, common.force);
     let (picture, outputs) = if is_map {
         let outputs = open(std::slice::from_ref(&args.input))?;
         (from_map(args)?, outputs)
@@ -75,8 +77,12 @@ pub(crate) fn run(
         measured.iter().map(|m| m.profile.clone()).collect()
     };
     let totals: Vec<TotalReflectance> = measured.iter().map(|m| m.total.clone()).collect();
-    outputs.write(&name, |out| Ok(formats::profile_csv::write(&profiles, out)?))?;
-    outputs.write(&totals_name, |out| Ok(formats::totals_csv::write(&totals, out)?))?;
+    outputs.write(&name, |out| {
+        Ok(formats::profile_csv::write(&profiles, out)?)
+    })?;
+    outputs.write(&totals_name, |out| {
+        Ok(formats::totals_csv::write(&totals, out)?)
+    })?;
     outputs.commit()?;
     print_summary(args, common, &measured, &profiles, out)
 }
@@ -113,7 +119,11 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
 }
 
 fn slices(picture: &Picture, measured: &[Measured]) -> Result<Vec<RadialProfile>> {
-    let RadianceMap { width, height, ref channels } = picture.map;
+    let RadianceMap {
+        width,
+        height,
+        ref channels,
+    } = picture.map;
     channels
         .iter()
         .zip(measured)
@@ -155,9 +165,24 @@ fn print_summary(
             })
             .collect();
         let schema_version = pipeline::fit_json::SCHEMA_VERSION;
-        return print::json(out, &Document { schema_version, output, channels });
+        return print::json(
+            out,
+            &Document {
+                schema_version,
+                output,
+                channels,
+            },
+        );
     }
-    let header = ["channel", "centre [px]", "points", "total inside", "within [mm]", "u(scale)", "rejected"];
+    let header = [
+        "channel",
+        "centre [px]",
+        "points",
+        "total inside",
+        "within [mm]",
+        "u(scale)",
+        "rejected",
+    ];
     let rows: Vec<Vec<String>> = measured
         .iter()
         .zip(profiles)
@@ -167,7 +192,9 @@ fn print_summary(
                 format!("{:.2}, {:.2}", m.center_px[0], m.center_px[1]),
                 profile.points.len().to_string(),
                 uncertain(m.total.total_reflectance, m.total.u_total_reflectance),
-                m.total.radius_max_mm.map_or("all".to_owned(), |r| format!("{r:.2}")),
+                m.total
+                    .radius_max_mm
+                    .map_or("all".to_owned(), |r| format!("{r:.2}")),
                 format!("{:.2} %", 100.0 * m.total.u_scale_relative),
                 m.rejected_pixels.to_string(),
             ]

@@ -20,7 +20,14 @@ pub(crate) fn run(
     monitor: &dyn Monitor,
     out: &mut impl Write,
 ) -> Result<()> {
-    let SynthArgs { material, medium, model, camera, seed, output } = args;
+    let SynthArgs {
+        material,
+        medium,
+        model,
+        camera,
+        seed,
+        output,
+    } = args;
     let sample = match (material, medium) {
         (Some(name), _) => synthesis::sample_of(name)?,
         (None, Some(path)) => synthesis::sample_from(path)?,
@@ -30,12 +37,18 @@ pub(crate) fn run(
         Some(path) => synthesis::camera_from(path)?,
         None => synth::Camera::default(),
     };
-    let capture =
-        synthesis::write(&sample, camera, model, *seed, output, common.force, monitor)?;
+    let capture = synthesis::write(&sample, camera, model, *seed, output, common.force, monitor)?;
     let capture = capture.display().to_string();
     if common.json {
         let schema_version = pipeline::fit_json::SCHEMA_VERSION;
-        return print::json(out, &Document { schema_version, capture, seed: *seed });
+        return print::json(
+            out,
+            &Document {
+                schema_version,
+                capture,
+                seed: *seed,
+            },
+        );
     }
     print::line(out, format!("wrote {capture}, its frames and truth.json"))
 }

@@ -17,14 +17,23 @@ use tables::{Rounding, derived, fresnel_of};
 pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) -> Result<()> {
     match command {
         TableCommand::Show { files } => show(files, common, out),
-        TableCommand::Convert { file, to, output } => {
-            write(&rows(file)?, *to, output, std::slice::from_ref(file), common, out)
-        }
+        TableCommand::Convert { file, to, output } => write(
+            &rows(file)?,
+            *to,
+            output,
+            std::slice::from_ref(file),
+            common,
+            out,
+        ),
         TableCommand::Merge { files, output } => {
             let read = files.iter().map(|f| rows(f)).collect::<Result<Vec<_>>>()?;
             let merged = tables::merge(&read).map_err(|conflict| {
                 let name = |table: usize| files[table].display().to_string();
-                let place = format!("{} and {}", name(conflict.first.table), name(conflict.second.table));
+                let place = format!(
+                    "{} and {}",
+                    name(conflict.first.table),
+                    name(conflict.second.table)
+                );
                 Error::new(Kind::Input, format!("{place}: {conflict}"))
             })?;
             write(&merged, TableFormat::Csv, output, files, common, out)
@@ -34,7 +43,8 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
 }
 
 fn is_json(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
 fn rows(path: &Path) -> Result<Vec<Material>> {
@@ -64,14 +74,21 @@ fn write(
         Ok(())
     })?;
     outputs.commit()?;
-    print::line(out, format!("wrote {} ({} rows)", output.display(), rows.len()))
+    print::line(
+        out,
+        format!("wrote {} ({} rows)", output.display(), rows.len()),
+    )
 }
 
 fn show(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> {
     let all: Vec<Material> = if files.is_empty() {
         library::materials()
     } else {
-        files.iter().map(|f| rows(f)).collect::<Result<Vec<_>>>()?.concat()
+        files
+            .iter()
+            .map(|f| rows(f))
+            .collect::<Result<Vec<_>>>()?
+            .concat()
     };
     if common.json {
         let mut text = vec![];
@@ -106,7 +123,9 @@ fn show(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> {
                 number(row.medium.sigma_s_prime, row.u_sigma_s_prime_per_mm),
                 row.medium.eta.to_string(),
                 significant(follows.mean_free_path_mm, 3),
-                follows.diffusion_length_mm.map_or("infinite".to_owned(), |l| significant(l, 3)),
+                follows
+                    .diffusion_length_mm
+                    .map_or("infinite".to_owned(), |l| significant(l, 3)),
                 format!("{:.5}", follows.albedo_prime),
                 format!("{:.3}", follows.total_reflectance),
                 row.model.clone(),
@@ -133,10 +152,18 @@ struct Finding {
 }
 
 fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> {
-    let mut document =
-        CheckDocument { schema_version: pipeline::fit_json::SCHEMA_VERSION, rows: 0, findings: vec![] };
+    let mut document = CheckDocument {
+        schema_version: pipeline::fit_json::SCHEMA_VERSION,
+        rows: 0,
+        findings: vec![],
+    };
     if files.is_empty() {
-        audit(library::materials_text().as_bytes(), None, "data/materials.csv", &mut document)?;
+        audit(
+            library::materials_text().as_bytes(),
+            None,
+            "data/materials.csv",
+            &mut document,
+        )?;
     }
     for file in files {
         let mut bytes = read(file)?;
@@ -153,12 +180,21 @@ fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> 
         return print::json(out, &document);
     }
     for finding in &document.findings {
-        let Finding { file, material, channel, fault, .. } = finding;
+        let Finding {
+            file,
+            material,
+            channel,
+            fault,
+            ..
+        } = finding;
         let place = file.as_ref().map_or(String::new(), |f| format!("{f}: "));
         print::line(out, format!("{place}{material} {channel}: {fault}"))?;
     }
     let (rows, faults) = (document.rows, document.findings.len());
-    print::line(out, format!("{rows} rows checked, {faults} do not hold together"))
+    print::line(
+        out,
+        format!("{rows} rows checked, {faults} do not hold together"),
+    )
 }
 
 fn audit(
@@ -177,12 +213,14 @@ fn audit(
         (&p.material, rounding)
     }));
     document.rows += printed.len();
-    document.findings.extend(findings.into_iter().map(|f| Finding {
-        file: file.clone(),
-        material: f.material,
-        channel: f.channel,
-        excess: f.fault.excess(),
-        fault: f.fault.to_string(),
-    }));
+    document
+        .findings
+        .extend(findings.into_iter().map(|f| Finding {
+            file: file.clone(),
+            material: f.material,
+            channel: f.channel,
+            excess: f.fault.excess(),
+            fault: f.fault.to_string(),
+        }));
     Ok(())
 }

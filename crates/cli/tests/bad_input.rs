@@ -1,0 +1,224 @@
+//! Bad input gets one clear error that names the file and the field, exit 3 (2 for usage), and
+//! leaves nothing half-written.
+
+#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+
+mod common;
+
+use common::{beamspot, capture, copy_capture, names};
+use std::fs;
+use std::path::Path;
+
+/// Runs `beamspot` and asserts its exit code, the words of its error, silence on standard output
+/// and that `folder` holds what it held.
+fn refused(folder: &Path, arguments: &[&str], code: i32, words: &[&str]) {
+    let before = names(folder);
+    let output = beamspot().current_dir(folder).args(arguments).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
+    for word in words {
+        assert!(error.contains(word), "{arguments:?}: no `{word}` in: {error}");
+    }
+    assert!(!error.contains("panicked"), "{error}");
+    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert_eq!(names(folder), before, "{arguments:?} left something behind");
+}
+
+/// A copy of the capture whose manifest went through `edit`, refused by `measure`.
+fn manifest_refused(edit: impl Fn(&str) -> String, words: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    copy_capture(folder.path());
+    let path = folder.path().join("capture.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let edited = edit(&text);
+    assert_ne!(edited, text, "the edit found nothing to change");
+    fs::write(&path, edited).unwrap();
+    refused(folder.path(), &["measure", "capture.toml", "-o", "result"], 3, words);
+}
+
+/// A copy of the capture with one file changed, refused by `measure`.
+fn file_refused(file: &str, edit: impl Fn(Vec<u8>) -> Vec<u8>, words: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    copy_capture(folder.path());
+    let path = folder.path().join(file);
+    fs::write(&path, edit(fs::read(&path).unwrap())).unwrap();
+    refused(folder.path(), &["measure", "capture.toml", "-o", "result"], 3, words);
+}
+
+#[test]
+fn a_missing_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let nothing = ["measure", "nothing.toml", "-o", "result"];
+    refused(folder.path(), &nothing, 3, &["nothing.toml"]);
+    copy_capture(folder.path());
+    fs::remove_file(folder.path().join("sample/dark_03.tif")).unwrap();
+    let measure = ["measure", "capture.toml", "-o", "result"];
+    refused(folder.path(), &measure, 3, &["sample/dark_03.tif", "No such file"]);
+}
+
+#[test]
+fn a_frame_of_another_size() {
+    let other = tempfile::tempdir().unwrap();
+    fs::write(other.path().join("camera.toml"), common::camera(120)).unwrap();
+    let synth = ["synth", "--material", "marble", "--camera", "camera.toml", "-o", "other"];
+    assert!(beamspot().current_dir(other.path()).args(synth).output().unwrap().status.success());
+    let frame = fs::read(other.path().join("other/sample/sample_02.tif")).unwrap();
+    file_refused("sample/sample_02.tif", |_| frame.clone(), &["sample_02.tif", "120 x 120", "128 x 128"]);
+}
+
+#[test]
+fn a_truncated_tiff() {
+    for part in [0, 1, 5, 9] {
+        let cut = |bytes: Vec<u8>| bytes[..bytes.len() * part / 10].to_vec();
+        file_refused("reference/reference_01.tif", cut, &["reference_01.tif"]);
+    }
+}
+
+#[test]
+fn an_exposure_that_is_none() {
+    for (bad, found) in [("0.0", "0"), ("nan", "NaN"), ("-0.001", "-0.001")] {
+        let edit = |text: &str| text.replacen("exposure_s = 0.001", &format!("exposure_s = {bad}"), 1);
+        manifest_refused(edit, &["capture.toml", "sample.frames[0].exposure_s", found]);
+    }
+}
+
+#[test]
+fn no_dark_for_an_exposure() {
+    let edit = |text: &str| {
+        let kept = |line: &&str| !line.contains("sample/dark_05.tif");
+        text.lines().filter(kept).fold(String::new(), |all, line| all + line + "\n")
+    };
+    manifest_refused(edit, &["capture.toml", "sample_05.tif", "dark"]);
+}
+
+#[test]
+fn an_unknown_key() {
+    let edit = |text: &str| text.replacen("mm_per_pixel", "mm_per_pixl", 1);
+    manifest_refused(edit, &["capture.toml", "mm_per_pixl", "mm_per_pixel"]);
+}
+
+#[test]
+fn every_frame_saturated() {
+    let edit = |text: &str| {
+        let low = |line: &str| {
+            if line.starts_with("white_level_dn") { "white_level_dn = 201.0".into() } else { line.to_owned() }
+        };
+        text.lines().map(low).fold(String::new(), |all, line| all + &line + "\n")
+    };
+    manifest_refused(edit, &["capture.toml", "saturated in every frame", "shorter exposure"]);
+}
+
+#[test]
+fn a_reference_darker_than_the_sample() {
+    // The reference in the place of the sample, and ketchup in the place of the reference.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("camera.toml"), common::camera(128)).unwrap();
+    let synth = ["synth", "--material", "ketchup", "--camera", "camera.toml", "-o", "ketchup"];
+    assert!(beamspot().current_dir(path).args(synth).output().unwrap().status.success());
+    let manifest = path.join("ketchup/capture.toml");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let text = text
+        .replace("\"sample/sample_", "\"x/")
+        .replace("\"reference/reference_", "\"sample/sample_")
+        .replace("\"x/", "\"reference/reference_");
+    fs::write(manifest, text).unwrap();
+    let measure = ["measure", "ketchup/capture.toml", "-o", "result"];
+    refused(path, &measure, 3, &["capture.toml", "channel R", "darker than the sample"]);
+}
+
+#[test]
+fn a_spot_off_the_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let camera = common::camera(128) + "spot_offset_px = [60.0, 0.0]\n";
+    fs::write(path.join("camera.toml"), camera).unwrap();
+    let synth = ["synth", "--material", "marble", "--camera", "camera.toml", "-o", "off"];
+    assert!(beamspot().current_dir(path).args(synth).output().unwrap().status.success());
+    let measure = ["measure", "off/capture.toml", "-o", "result"];
+    refused(path, &measure, 3, &["off/capture.toml", "spot", "edge"]);
+}
+
+#[test]
+fn an_output_that_exists_or_is_an_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    copy_capture(path);
+    fs::create_dir(path.join("result")).unwrap();
+    fs::write(path.join("result/fit.json"), "mine").unwrap();
+    let measure = ["measure", "capture.toml", "-o", "result"];
+    refused(path, &measure, 3, &["fit.json", "exists", "--force"]);
+    assert_eq!(fs::read_to_string(path.join("result/fit.json")).unwrap(), "mine");
+    let hdr = ["hdr", "capture.toml", "-o", "sample/sample_01.tif", "--force"];
+    refused(path, &hdr, 3, &["sample_01.tif", "input"]);
+}
+
+const PROFILE: &str = "channel,radius_min_mm,radius_max_mm,radius_mm,reflectance_per_mm2,\
+                       u_reflectance_per_mm2,pixels\n";
+
+#[test]
+fn profiles_that_cannot_be_fitted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let with = |rows: &str| fs::write(path.join("profile.csv"), format!("{PROFILE}{rows}")).unwrap();
+    let fit = ["fit", "profile.csv", "--eta", "1.5", "--constraint", "none"];
+    with("");
+    refused(path, &fit, 3, &["profile.csv", "no rows"]);
+    with("G,,,1,0.03,0.0003,\nG,,,2,NaN,0.0003,\n");
+    refused(path, &fit, 3, &["profile.csv", "line 3", "reflectance_per_mm2", "NaN"]);
+    with("G,,,2,0.03,0.0003,\nG,,,1,0.05,0.0003,\n");
+    refused(path, &fit, 3, &["profile.csv", "line 3", "radius_mm"]);
+    with("G,,,1,0.03,0.0003,\nG,,,2,0.01,0.0003,\n");
+    refused(path, &fit, 3, &["profile.csv", "channel G", "2 points"]);
+    with("G,,,1,0.03,0.0003,\nG,,,2,0.01,0,\nG,,,3,0.005,0.0003,\n");
+    refused(path, &fit, 3, &["profile.csv", "channel G", "u 0"]);
+}
+
+#[test]
+fn a_total_above_the_ceiling() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let rows: String =
+        (1..9).map(|r| format!("G,,,{r},{},{},\n", 0.03 / f64::from(r * r), 1e-5)).collect();
+    fs::write(path.join("profile.csv"), format!("{PROFILE}{rows}")).unwrap();
+    let with = |total: &'static str| ["fit", "profile.csv", "--eta", "1.5", "--total", total];
+    refused(path, &with("G=1.05±0.01"), 3, &["profile.csv", "channel G", "1.05", "0.96"]);
+    // Within 3 u it is a limit, not an error.
+    let output = beamspot().current_dir(path).args(with("G=0.97±0.01")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("above the ceiling"));
+}
+
+#[test]
+fn wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    refused(path, &["measure", "capture.toml"], 2, &["--output"]);
+    refused(path, &["synth", "--material", "unobtainium", "-o", "x"], 2, &["unobtainium", "Marble"]);
+    fs::write(path.join("profile.csv"), format!("{PROFILE}G,,,1,0.03,0.0003,\n")).unwrap();
+    let fit = |more: &[&'static str]| {
+        [&["fit", "profile.csv", "--eta", "1.5"], more].concat()
+    };
+    refused(path, &fit(&["--constraint", "exact"]), 2, &["exact needs a total"]);
+    refused(path, &fit(&["--total", "B=0.5±0.1"]), 2, &["channel B", "profile.csv has G"]);
+    refused(path, &fit(&["--total", "0.5"]), 2, &["CHANNEL=R±U"]);
+    refused(path, &fit(&["--model", "tripole"]), 2, &["tripole", "dipole, jensen2001"]);
+    refused(path, &["fit", "profile.csv", "--eta", "15"], 3, &["eta", "15"]);
+}
+
+#[test]
+fn a_manifest_without_the_noise_of_the_sensor() {
+    let edit = |text: &str| text.replacen("read_noise_e", "# read_noise_e", 1);
+    manifest_refused(edit, &["capture.toml", "camera.read_noise_e"]);
+}
+
+#[test]
+fn the_capture_itself_is_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = beamspot()
+        .current_dir(folder.path())
+        .args(["measure", capture().join("capture.toml").to_str().unwrap(), "-o", "result"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
