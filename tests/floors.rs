@@ -46,7 +46,10 @@ fn every_crate_has_a_floor_and_every_arrow_goes_down() {
     for entry in std::fs::read_dir(root().join("crates")).unwrap() {
         let folder = entry.unwrap().path();
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
-        assert!(floors().contains_key(name.as_str()), "crates/{name} has no floor: give it one here");
+        assert!(
+            floors().contains_key(name.as_str()),
+            "crates/{name} has no floor: give it one here"
+        );
         let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
         offenders.extend(offences(&name, &manifest));
         seen.push(name);
@@ -59,7 +62,10 @@ fn every_crate_has_a_floor_and_every_arrow_goes_down() {
 fn an_arrow_that_goes_up_or_sideways_is_seen() {
     let sideways = "[dependencies]\nphysics.workspace = true\nformats.workspace = true\n";
     assert_eq!(offences("hdr", sideways), ["hdr -> formats"]);
-    assert_eq!(offences("physics", "[dependencies]\nfit = { path = \"x\" }\n"), ["physics -> fit"]);
+    assert_eq!(
+        offences("physics", "[dependencies]\nfit = { path = \"x\" }\n"),
+        ["physics -> fit"]
+    );
     assert!(offences("cli", sideways).is_empty());
 }
 

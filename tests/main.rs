@@ -1,6 +1,9 @@
 //! What crosses crates: the floors, the main job, the command line and its answers to bad input.
 
-#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
 
 mod floors;
 mod recovery;

@@ -153,7 +153,7 @@ pub(crate) struct ProfileArgs {
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Examples:\n  beamspot fit result/profile.csv --eta 1.5\n  beamspot fit curve.csv --eta 1.4 --total G=0.79+-0.01 --u-scale 0.01 --range 1:15"
+    after_help = "Examples:\n  beamspot fit result/profile.csv --eta 1.5 --beam-fwhm 0.3 --mm-per-pixel 0.04\n  beamspot fit curve.csv --eta 1.4 --total G=0.79+-0.01 --u-scale 0.01 --range 1:15"
 )]
 pub(crate) struct FitArgs {
     /// The profile; totals.csv beside it is read unless --total is given.
@@ -172,6 +172,13 @@ pub(crate) struct FitArgs {
     /// Whether the beam lost its specular part on entry; false: the paper's mode.
     #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL")]
     pub(crate) entry_loss: bool,
+    /// Full width at half maximum of the Gaussian beam that the profile was taken with, mm; 0 for
+    /// a point.
+    #[arg(long, default_value_t = 0.0, value_name = "MM", value_parser = length)]
+    pub(crate) beam_fwhm: f64,
+    /// Side of the camera's pixels on the sample, mm; 0 for a profile without pixels.
+    #[arg(long, default_value_t = 0.0, value_name = "MM", value_parser = length)]
+    pub(crate) mm_per_pixel: f64,
     /// File to write, as `measure` writes it.
     #[arg(short, long, value_name = "FIT.json")]
     pub(crate) output: Option<PathBuf>,
@@ -237,6 +244,13 @@ pub(crate) enum TableCommand {
 pub(crate) enum TableFormat {
     Csv,
     Json,
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|mm: &f64| *mm >= 0.0 && mm.is_finite())
+        .ok_or_else(|| format!("expected a length of at least 0 mm, got `{text}`"))
 }
 
 fn range(text: &str) -> Result<(f64, f64), String> {

@@ -1,7 +1,10 @@
 //! Bad input gets one clear error that names the file and the field, exit 3 (2 for usage), and
 //! leaves nothing half-written.
 
-#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
 
 mod common;
 
@@ -13,14 +16,25 @@ use std::path::Path;
 /// and that `folder` holds what it held.
 fn refused(folder: &Path, arguments: &[&str], code: i32, words: &[&str]) {
     let before = names(folder);
-    let output = beamspot().current_dir(folder).args(arguments).output().unwrap();
+    let output = beamspot()
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
     for word in words {
-        assert!(error.contains(word), "{arguments:?}: no `{word}` in: {error}");
+        assert!(
+            error.contains(word),
+            "{arguments:?}: no `{word}` in: {error}"
+        );
     }
     assert!(!error.contains("panicked"), "{error}");
-    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert!(
+        output.stdout.is_empty(),
+        "{}",
+        String::from_utf8_lossy(&output.stdout)
+    );
     assert_eq!(names(folder), before, "{arguments:?} left something behind");
 }
 
@@ -33,7 +47,12 @@ fn manifest_refused(edit: impl Fn(&str) -> String, words: &[&str]) {
     let edited = edit(&text);
     assert_ne!(edited, text, "the edit found nothing to change");
     fs::write(&path, edited).unwrap();
-    refused(folder.path(), &["measure", "capture.toml", "-o", "result"], 3, words);
+    refused(
+        folder.path(),
+        &["measure", "capture.toml", "-o", "result"],
+        3,
+        words,
+    );
 }
 
 /// A copy of the capture with one file changed, refused by `measure`.
@@ -42,7 +61,12 @@ fn file_refused(file: &str, edit: impl Fn(Vec<u8>) -> Vec<u8>, words: &[&str]) {
     copy_capture(folder.path());
     let path = folder.path().join(file);
     fs::write(&path, edit(fs::read(&path).unwrap())).unwrap();
-    refused(folder.path(), &["measure", "capture.toml", "-o", "result"], 3, words);
+    refused(
+        folder.path(),
+        &["measure", "capture.toml", "-o", "result"],
+        3,
+        words,
+    );
 }
 
 #[test]
@@ -53,17 +77,42 @@ fn a_missing_file() {
     copy_capture(folder.path());
     fs::remove_file(folder.path().join("sample/dark_03.tif")).unwrap();
     let measure = ["measure", "capture.toml", "-o", "result"];
-    refused(folder.path(), &measure, 3, &["sample/dark_03.tif", "No such file"]);
+    refused(
+        folder.path(),
+        &measure,
+        3,
+        &["sample/dark_03.tif", "No such file"],
+    );
 }
 
 #[test]
 fn a_frame_of_another_size() {
     let other = tempfile::tempdir().unwrap();
     fs::write(other.path().join("camera.toml"), common::camera(120)).unwrap();
-    let synth = ["synth", "--material", "marble", "--camera", "camera.toml", "-o", "other"];
-    assert!(beamspot().current_dir(other.path()).args(synth).output().unwrap().status.success());
+    let synth = [
+        "synth",
+        "--material",
+        "marble",
+        "--camera",
+        "camera.toml",
+        "-o",
+        "other",
+    ];
+    assert!(
+        beamspot()
+            .current_dir(other.path())
+            .args(synth)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
     let frame = fs::read(other.path().join("other/sample/sample_02.tif")).unwrap();
-    file_refused("sample/sample_02.tif", |_| frame.clone(), &["sample_02.tif", "120 x 120", "128 x 128"]);
+    file_refused(
+        "sample/sample_02.tif",
+        |_| frame.clone(),
+        &["sample_02.tif", "120 x 120", "128 x 128"],
+    );
 }
 
 #[test]
@@ -77,8 +126,12 @@ fn a_truncated_tiff() {
 #[test]
 fn an_exposure_that_is_none() {
     for (bad, found) in [("0.0", "0"), ("nan", "NaN"), ("-0.001", "-0.001")] {
-        let edit = |text: &str| text.replacen("exposure_s = 0.001", &format!("exposure_s = {bad}"), 1);
-        manifest_refused(edit, &["capture.toml", "sample.frames[0].exposure_s", found]);
+        let edit =
+            |text: &str| text.replacen("exposure_s = 0.001", &format!("exposure_s = {bad}"), 1);
+        manifest_refused(
+            edit,
+            &["capture.toml", "sample.frames[0].exposure_s", found],
+        );
     }
 }
 
@@ -86,7 +139,9 @@ fn an_exposure_that_is_none() {
 fn no_dark_for_an_exposure() {
     let edit = |text: &str| {
         let kept = |line: &&str| !line.contains("sample/dark_05.tif");
-        text.lines().filter(kept).fold(String::new(), |all, line| all + line + "\n")
+        text.lines()
+            .filter(kept)
+            .fold(String::new(), |all, line| all + line + "\n")
     };
     manifest_refused(edit, &["capture.toml", "sample_05.tif", "dark"]);
 }
@@ -101,11 +156,24 @@ fn an_unknown_key() {
 fn every_frame_saturated() {
     let edit = |text: &str| {
         let low = |line: &str| {
-            if line.starts_with("white_level_dn") { "white_level_dn = 201.0".into() } else { line.to_owned() }
+            if line.starts_with("white_level_dn") {
+                "white_level_dn = 201.0".into()
+            } else {
+                line.to_owned()
+            }
         };
-        text.lines().map(low).fold(String::new(), |all, line| all + &line + "\n")
+        text.lines()
+            .map(low)
+            .fold(String::new(), |all, line| all + &line + "\n")
     };
-    manifest_refused(edit, &["capture.toml", "saturated in every frame", "shorter exposure"]);
+    manifest_refused(
+        edit,
+        &[
+            "capture.toml",
+            "saturated in every frame",
+            "shorter exposure",
+        ],
+    );
 }
 
 #[test]
@@ -114,8 +182,24 @@ fn a_reference_darker_than_the_sample() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("camera.toml"), common::camera(128)).unwrap();
-    let synth = ["synth", "--material", "ketchup", "--camera", "camera.toml", "-o", "ketchup"];
-    assert!(beamspot().current_dir(path).args(synth).output().unwrap().status.success());
+    let synth = [
+        "synth",
+        "--material",
+        "ketchup",
+        "--camera",
+        "camera.toml",
+        "-o",
+        "ketchup",
+    ];
+    assert!(
+        beamspot()
+            .current_dir(path)
+            .args(synth)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
     let manifest = path.join("ketchup/capture.toml");
     let text = fs::read_to_string(&manifest).unwrap();
     let text = text
@@ -124,7 +208,12 @@ fn a_reference_darker_than_the_sample() {
         .replace("\"x/", "\"reference/reference_");
     fs::write(manifest, text).unwrap();
     let measure = ["measure", "ketchup/capture.toml", "-o", "result"];
-    refused(path, &measure, 3, &["capture.toml", "channel R", "darker than the sample"]);
+    refused(
+        path,
+        &measure,
+        3,
+        &["capture.toml", "channel R", "darker than the sample"],
+    );
 }
 
 #[test]
@@ -133,8 +222,24 @@ fn a_spot_off_the_frame() {
     let path = folder.path();
     let camera = common::camera(128) + "spot_offset_px = [60.0, 0.0]\n";
     fs::write(path.join("camera.toml"), camera).unwrap();
-    let synth = ["synth", "--material", "marble", "--camera", "camera.toml", "-o", "off"];
-    assert!(beamspot().current_dir(path).args(synth).output().unwrap().status.success());
+    let synth = [
+        "synth",
+        "--material",
+        "marble",
+        "--camera",
+        "camera.toml",
+        "-o",
+        "off",
+    ];
+    assert!(
+        beamspot()
+            .current_dir(path)
+            .args(synth)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
     let measure = ["measure", "off/capture.toml", "-o", "result"];
     refused(path, &measure, 3, &["off/capture.toml", "spot", "edge"]);
 }
@@ -148,8 +253,17 @@ fn an_output_that_exists_or_is_an_input() {
     fs::write(path.join("result/fit.json"), "mine").unwrap();
     let measure = ["measure", "capture.toml", "-o", "result"];
     refused(path, &measure, 3, &["fit.json", "exists", "--force"]);
-    assert_eq!(fs::read_to_string(path.join("result/fit.json")).unwrap(), "mine");
-    let hdr = ["hdr", "capture.toml", "-o", "sample/sample_01.tif", "--force"];
+    assert_eq!(
+        fs::read_to_string(path.join("result/fit.json")).unwrap(),
+        "mine"
+    );
+    let hdr = [
+        "hdr",
+        "capture.toml",
+        "-o",
+        "sample/sample_01.tif",
+        "--force",
+    ];
     refused(path, &hdr, 3, &["sample_01.tif", "input"]);
 }
 
@@ -160,12 +274,18 @@ const PROFILE: &str = "channel,radius_min_mm,radius_max_mm,radius_mm,reflectance
 fn profiles_that_cannot_be_fitted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let with = |rows: &str| fs::write(path.join("profile.csv"), format!("{PROFILE}{rows}")).unwrap();
+    let with =
+        |rows: &str| fs::write(path.join("profile.csv"), format!("{PROFILE}{rows}")).unwrap();
     let fit = ["fit", "profile.csv", "--eta", "1.5", "--constraint", "none"];
     with("");
     refused(path, &fit, 3, &["profile.csv", "no rows"]);
     with("G,,,1,0.03,0.0003,\nG,,,2,NaN,0.0003,\n");
-    refused(path, &fit, 3, &["profile.csv", "line 3", "reflectance_per_mm2", "NaN"]);
+    refused(
+        path,
+        &fit,
+        3,
+        &["profile.csv", "line 3", "reflectance_per_mm2", "NaN"],
+    );
     with("G,,,2,0.03,0.0003,\nG,,,1,0.05,0.0003,\n");
     refused(path, &fit, 3, &["profile.csv", "line 3", "radius_mm"]);
     with("G,,,1,0.03,0.0003,\nG,,,2,0.01,0.0003,\n");
@@ -178,14 +298,28 @@ fn profiles_that_cannot_be_fitted() {
 fn a_total_above_the_ceiling() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let rows: String =
-        (1..9).map(|r| format!("G,,,{r},{},{},\n", 0.03 / f64::from(r * r), 1e-5)).collect();
+    let rows: String = (1..9)
+        .map(|r| format!("G,,,{r},{},{},\n", 0.03 / f64::from(r * r), 1e-5))
+        .collect();
     fs::write(path.join("profile.csv"), format!("{PROFILE}{rows}")).unwrap();
     let with = |total: &'static str| ["fit", "profile.csv", "--eta", "1.5", "--total", total];
-    refused(path, &with("G=1.05±0.01"), 3, &["profile.csv", "channel G", "1.05", "0.96"]);
+    refused(
+        path,
+        &with("G=1.05±0.01"),
+        3,
+        &["profile.csv", "channel G", "1.05", "0.96"],
+    );
     // Within 3 u it is a limit, not an error.
-    let output = beamspot().current_dir(path).args(with("G=0.97±0.01")).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = beamspot()
+        .current_dir(path)
+        .args(with("G=0.97±0.01"))
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     assert!(String::from_utf8_lossy(&output.stdout).contains("above the ceiling"));
 }
 
@@ -194,16 +328,43 @@ fn wrong_usage() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     refused(path, &["measure", "capture.toml"], 2, &["--output"]);
-    refused(path, &["synth", "--material", "unobtainium", "-o", "x"], 2, &["unobtainium", "Marble"]);
-    fs::write(path.join("profile.csv"), format!("{PROFILE}G,,,1,0.03,0.0003,\n")).unwrap();
-    let fit = |more: &[&'static str]| {
-        [&["fit", "profile.csv", "--eta", "1.5"], more].concat()
-    };
-    refused(path, &fit(&["--constraint", "exact"]), 2, &["exact needs a total"]);
-    refused(path, &fit(&["--total", "B=0.5±0.1"]), 2, &["channel B", "profile.csv has G"]);
+    refused(
+        path,
+        &["synth", "--material", "unobtainium", "-o", "x"],
+        2,
+        &["unobtainium", "Marble"],
+    );
+    fs::write(
+        path.join("profile.csv"),
+        format!("{PROFILE}G,,,1,0.03,0.0003,\n"),
+    )
+    .unwrap();
+    let fit = |more: &[&'static str]| [&["fit", "profile.csv", "--eta", "1.5"], more].concat();
+    refused(
+        path,
+        &fit(&["--constraint", "exact"]),
+        2,
+        &["exact needs a total"],
+    );
+    refused(
+        path,
+        &fit(&["--total", "B=0.5±0.1"]),
+        2,
+        &["channel B", "profile.csv has G"],
+    );
     refused(path, &fit(&["--total", "0.5"]), 2, &["CHANNEL=R±U"]);
-    refused(path, &fit(&["--model", "tripole"]), 2, &["tripole", "dipole, jensen2001"]);
-    refused(path, &["fit", "profile.csv", "--eta", "15"], 3, &["eta", "15"]);
+    refused(
+        path,
+        &fit(&["--model", "tripole"]),
+        2,
+        &["tripole", "dipole, jensen2001"],
+    );
+    refused(
+        path,
+        &["fit", "profile.csv", "--eta", "15"],
+        3,
+        &["eta", "15"],
+    );
 }
 
 #[test]
@@ -217,8 +378,17 @@ fn the_capture_itself_is_good() {
     let folder = tempfile::tempdir().unwrap();
     let output = beamspot()
         .current_dir(folder.path())
-        .args(["measure", capture().join("capture.toml").to_str().unwrap(), "-o", "result"])
+        .args([
+            "measure",
+            capture().join("capture.toml").to_str().unwrap(),
+            "-o",
+            "result",
+        ])
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

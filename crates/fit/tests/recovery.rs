@@ -1,7 +1,10 @@
 //! The medium comes back: from exact data, from noisy data, and with the truth inside the
 //! interval as often as the interval says.
 
-#![expect(clippy::unwrap_used, reason = "a failed step of a test is a failed test")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
 
 use fit::{Constraint, FitError, FitOptions, Termination, fit};
 use physics::{

@@ -59,9 +59,12 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         cos_beam: 1.0,
         exit: Exit::Lambert,
         u_length_relative: 0.0,
-        beam: Beam::Point,
+        beam: match args.beam_fwhm {
+            0.0 => Beam::Point,
+            fwhm_mm => Beam::Gaussian { fwhm_mm },
+        },
         u_fwhm_mm: 0.0,
-        pixel_mm: 0.0,
+        pixel_mm: args.mm_per_pixel,
     };
     let fits = profiles
         .iter()

@@ -28,7 +28,15 @@ pub(crate) fn capture() -> PathBuf {
         fs::write(folder.path().join("camera.toml"), camera(128)).unwrap();
         let status = beamspot()
             .current_dir(folder.path())
-            .args(["synth", "--material", "marble", "--camera", "camera.toml", "-o", "marble"])
+            .args([
+                "synth",
+                "--material",
+                "marble",
+                "--camera",
+                "camera.toml",
+                "-o",
+                "marble",
+            ])
             .output()
             .unwrap()
             .status;

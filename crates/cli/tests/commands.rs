@@ -1,0 +1,314 @@
+//! The commands of the README, and what they promise.
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
+
+mod common;
+
+use common::{beamspot, capture, copy_capture, names};
+use std::fs;
+use std::path::Path;
+
+/// Standard output of a call that must succeed.
+fn stdout(folder: &Path, arguments: &[&str]) -> String {
+    let output = beamspot()
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {error}");
+    assert!(error.is_empty(), "{arguments:?}: {error}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+#[test]
+fn measure_writes_everything_and_the_truth_is_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    copy_capture(path);
+    let table = stdout(path, &["measure", "capture.toml", "-o", "result"]);
+    assert!(
+        table.contains("sigma_a") && table.contains("wrote result/report.html"),
+        "{table}"
+    );
+    let files = names(&path.join("result"));
+    let files: Vec<&str> = files.iter().map(|f| f.to_str().unwrap()).collect();
+    let expected = [
+        "fit.json",
+        "materials.csv",
+        "profile.csv",
+        "profile_B.svg",
+        "profile_G.svg",
+        "profile_R.svg",
+        "radiance.exr",
+        "report.html",
+        "totals.csv",
+    ];
+    assert_eq!(files, expected);
+    let document = json(&fs::read_to_string(path.join("result/fit.json")).unwrap());
+    assert_eq!(document["schema_version"], 1);
+    assert_eq!(document["material"], "Marble");
+    // The manifest, and five exposures of sample, dark, reference, dark.
+    assert_eq!(document["inputs"].as_array().unwrap().len(), 21);
+    for (channel, sigma_a, sigma_s_prime) in
+        [(0, 0.0021, 2.19), (1, 0.0041, 2.62), (2, 0.0071, 3.00)]
+    {
+        let channel = &document["channels"][channel];
+        assert_eq!(channel["termination"], "converged");
+        for (name, truth) in [
+            ("sigma_a_per_mm", sigma_a),
+            ("sigma_s_prime_per_mm", sigma_s_prime),
+        ] {
+            let [value, u] = ["value", "u"].map(|key| channel[name][key].as_f64().unwrap());
+            assert!(
+                (value - truth).abs() < 4.0 * u && u < 0.01 * truth,
+                "{channel}"
+            );
+        }
+    }
+    for file in ["fit.json", "report.html", "radiance.exr"] {
+        let bytes = fs::read(path.join("result").join(file)).unwrap();
+        let here = path.to_str().unwrap().as_bytes();
+        assert!(
+            !bytes.windows(here.len()).any(|w| w == here),
+            "{file} holds an absolute path"
+        );
+    }
+}
+
+#[test]
+fn the_same_bytes_on_one_thread_and_on_two() {
+    let folder = tempfile::tempdir().unwrap();
+    let manifest = capture().join("capture.toml");
+    let manifest = manifest.to_str().unwrap();
+    for threads in ["1", "2"] {
+        stdout(
+            folder.path(),
+            &["measure", manifest, "-o", threads, "--threads", threads],
+        );
+    }
+    let [one, two] = ["1", "2"].map(|t| folder.path().join(t));
+    for name in names(&one) {
+        let [a, b] = [&one, &two].map(|f| fs::read(f.join(&name)).unwrap());
+        assert!(a == b, "{} differs", name.display());
+    }
+}
+
+#[test]
+fn the_stages_one_by_one_give_what_measure_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let manifest = capture().join("capture.toml");
+    let manifest = manifest.to_str().unwrap();
+    let whole = json(&stdout(
+        path,
+        &["measure", manifest, "-o", "whole", "--json"],
+    ));
+    stdout(path, &["hdr", manifest, "-o", "radiance.exr"]);
+    stdout(
+        path,
+        &["profile", "radiance.exr", "-o", "stages/profile.csv"],
+    );
+    let fit = [
+        "fit",
+        "stages/profile.csv",
+        "--eta",
+        "1.5",
+        "--beam-fwhm",
+        "1",
+        "--mm-per-pixel",
+        "0.3",
+        "--json",
+    ];
+    let stages = json(&stdout(path, &fit));
+    for file in ["profile.csv", "totals.csv"] {
+        let [a, b] = ["whole", "stages"].map(|f| fs::read(path.join(f).join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
+    for channel in 0..3 {
+        for name in ["sigma_a_per_mm", "sigma_s_prime_per_mm"] {
+            let [a, b] =
+                [&whole, &stages].map(|d| d["channels"][channel][name]["value"].as_f64().unwrap());
+            assert!((a / b - 1.0).abs() < 1e-9, "{name}: {a} and {b}");
+        }
+    }
+    let slice = stdout(
+        path,
+        &[
+            "profile",
+            "radiance.exr",
+            "-o",
+            "slice/profile.csv",
+            "--slice",
+        ],
+    );
+    assert!(slice.contains("wrote slice/profile.csv"), "{slice}");
+    let text = fs::read_to_string(path.join("slice/profile.csv")).unwrap();
+    assert!(text.lines().nth(1).unwrap().starts_with("R,,,"), "{text}");
+}
+
+#[test]
+fn the_papers_mode_switches_entry_and_exit_off_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let camera = common::camera(128) + "entry_loss = false\nexit = \"lambert\"\n";
+    fs::write(path.join("camera.toml"), camera).unwrap();
+    let synth = [
+        "synth",
+        "--material",
+        "skin1",
+        "--model",
+        "jensen2001",
+        "--camera",
+        "camera.toml",
+        "-o",
+        "skin",
+    ];
+    stdout(path, &synth);
+    let manifest = fs::read_to_string(path.join("skin/capture.toml")).unwrap();
+    assert!(manifest.contains("entry_loss = false") && manifest.contains("exit = \"lambert\""));
+    let measure = [
+        "measure",
+        "skin/capture.toml",
+        "--model",
+        "jensen2001",
+        "-o",
+        "result",
+        "--json",
+    ];
+    let document = json(&stdout(path, &measure));
+    for (channel, truth) in [(0, 0.032), (1, 0.17), (2, 0.48)] {
+        let sigma_a = &document["channels"][channel]["sigma_a_per_mm"];
+        let [value, u] = ["value", "u"].map(|key| sigma_a[key].as_f64().unwrap());
+        assert!(
+            (value - truth).abs() < 4.0 * u && u < 0.01 * truth,
+            "{sigma_a}"
+        );
+    }
+}
+
+#[test]
+fn several_captures_go_into_a_folder_each_and_one_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let manifest = capture().join("capture.toml");
+    let manifest = manifest.to_str().unwrap();
+    stdout(path, &["measure", manifest, manifest, "-o", "result"]);
+    let table = fs::read_to_string(path.join("result/materials.csv")).unwrap();
+    assert_eq!(table.lines().count(), 7);
+    assert!(path.join("result/Marble/fit.json").exists());
+    assert!(path.join("result/Marble-2/fit.json").exists());
+}
+
+#[test]
+fn tables_are_shown_converted_joined_and_audited() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let shown = stdout(path, &["table", "show"]);
+    assert_eq!(shown.lines().count(), 37);
+    let audit = stdout(path, &["table", "check"]);
+    for row in ["Chicken1 B", "Skimmilk B", "Potato G", "Skin2 G"] {
+        assert!(audit.contains(row), "{audit}");
+    }
+    assert!(
+        audit.contains("36 rows checked, 4 do not hold together"),
+        "{audit}"
+    );
+    let excess = json(&stdout(path, &["table", "check", "--json"]));
+    let worst = excess["findings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|f| f["material"] == "Chicken1");
+    assert!((worst.unwrap()["excess"].as_f64().unwrap() - 0.018).abs() < 5e-4);
+
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/materials.csv");
+    let data = data.to_str().unwrap();
+    stdout(
+        path,
+        &["table", "convert", data, "--to", "json", "-o", "m.json"],
+    );
+    stdout(
+        path,
+        &["table", "convert", "m.json", "--to", "csv", "-o", "m.csv"],
+    );
+    assert_eq!(stdout(path, &["table", "show", "m.csv"]), shown);
+    let merged = stdout(
+        path,
+        &["table", "merge", "m.csv", "m.json", "-o", "all.csv"],
+    );
+    assert!(merged.contains("36 rows"), "{merged}");
+
+    let other = fs::read_to_string(path.join("m.csv"))
+        .unwrap()
+        .replacen("2.29", "2.92", 1);
+    fs::write(path.join("other.csv"), other).unwrap();
+    let merge = ["table", "merge", "m.csv", "other.csv", "-o", "conflict.csv"];
+    let output = beamspot().current_dir(path).args(merge).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(
+        error.contains("other.csv") && error.contains("Apple") && error.contains("2.92"),
+        "{error}"
+    );
+    assert!(!path.join("conflict.csv").exists());
+}
+
+/// An interrupt ends with 130 and leaves no file, hidden ones included.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    // The default camera takes seconds, so that the interrupt comes in the middle.
+    let child = beamspot()
+        .current_dir(folder.path())
+        .args(["synth", "--material", "marble", "-o", "capture"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    while names(folder.path()).is_empty() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let kill = ["-INT", &child.id().to_string()].map(str::to_owned);
+    assert!(
+        std::process::Command::new("kill")
+            .args(kill)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("interrupted"));
+    assert_eq!(names(folder.path()), Vec::<std::path::PathBuf>::new());
+}
+
+/// Every command in the README's `sh` blocks, in order, in one folder.
+#[test]
+fn the_readmes_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md");
+    let text = fs::read_to_string(readme).unwrap();
+    let mut ran = 0;
+    for block in text.split("```sh\n").skip(1) {
+        let block = block.split("```").next().unwrap();
+        for line in block.lines() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            assert_eq!(words[0], "beamspot", "{line}");
+            stdout(folder.path(), &words[1..]);
+            ran += 1;
+        }
+    }
+    assert!(ran >= 12, "{ran}");
+    assert!(text.contains("cargo run --release -- demo"));
+    let demo = stdout(folder.path(), &["demo"]);
+    assert!(demo.contains("recovered against true"), "{demo}");
+    assert!(folder.path().join("beamspot-demo/report.html").exists());
+}
