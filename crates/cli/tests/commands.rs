@@ -194,6 +194,38 @@ fn the_papers_mode_switches_entry_and_exit_off_together() {
     }
 }
 
+/// A mono camera of 12 bits with a disk for a beam, at an angle.
+#[test]
+fn another_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let camera = common::camera(128)
+        + "channels = \"mono\"\nbits = 12\nbeam_profile = \"disk\"\nbeam_angle_deg = 30\ncamera_angle_deg = 20\n";
+    fs::write(path.join("camera.toml"), camera).unwrap();
+    let synth = [
+        "synth",
+        "--material",
+        "marble",
+        "--camera",
+        "camera.toml",
+        "-o",
+        "mono",
+    ];
+    stdout(path, &synth);
+    let document = json(&stdout(
+        path,
+        &["measure", "mono/capture.toml", "-o", "result", "--json"],
+    ));
+    let channel = &document["channels"][0];
+    assert_eq!(channel["channel"], "Y");
+    let sigma_s_prime = &channel["sigma_s_prime_per_mm"];
+    let [value, u] = ["value", "u"].map(|key| sigma_s_prime[key].as_f64().unwrap());
+    assert!(
+        (value - 2.62).abs() < 4.0 * u && u < 0.01 * value,
+        "{channel}"
+    );
+}
+
 #[test]
 fn several_captures_go_into_a_folder_each_and_one_table() {
     let folder = tempfile::tempdir().unwrap();

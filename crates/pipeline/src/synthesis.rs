@@ -105,6 +105,7 @@ pub fn write(
     monitor: &dyn Monitor,
 ) -> Result<PathBuf> {
     library::model(model, sample.eta)?;
+    let sample = &seen_by(&camera, sample);
     let at = |eta: f64| -> Box<dyn ForwardModel> {
         library::model(model, eta).expect("the name was tried above")
     };
@@ -135,6 +136,15 @@ pub fn write(
     outputs.write("truth.json", |out| Ok(out.write_all(truth.as_bytes())?))?;
     outputs.commit()?;
     Ok(folder.join("capture.toml"))
+}
+
+/// The sample as the camera sees it: a mono camera sees the green of an RGB sample.
+fn seen_by(camera: &Camera, sample: &Sample) -> Sample {
+    let mut seen = sample.clone();
+    if camera.channels == synth::Channels::Mono && sample.channels.len() > 1 {
+        seen.channels.retain(|(name, _)| name == "G");
+    }
+    seen
 }
 
 /// What the laboratory would have written down.
