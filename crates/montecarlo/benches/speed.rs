@@ -1,0 +1,92 @@
+//! Nanoseconds per scattering: the scalar walk and every instruction path, in one process.
+//!
+//! `cargo bench -p beamspot-montecarlo`. One thread. Each figure is the best of three runs.
+#![expect(clippy::print_stdout, reason = "a bench prints")]
+
+use montecarlo::{Incidence, Layer, LayeredMedium, Phase, SimdPath, Simulation, TallySpec, Walk};
+use std::time::Instant;
+
+fn layer(sigma_a: f64, sigma_s: f64, g: f64, eta: f64, thickness_mm: Option<f64>) -> Layer {
+    Layer {
+        sigma_a,
+        sigma_s,
+        phase: Phase::HenyeyGreenstein { g },
+        eta,
+        thickness_mm,
+    }
+}
+
+fn media() -> [(&'static str, u64, Vec<Layer>); 3] {
+    [
+        (
+            "marble green, g = 0",
+            200_000,
+            vec![layer(0.0041, 2.62, 0.0, 1.5, None)],
+        ),
+        (
+            "skin, g = 0.9",
+            200_000,
+            vec![layer(0.032, 7.4, 0.9, 1.3, None)],
+        ),
+        (
+            "three layers",
+            200_000,
+            vec![
+                layer(0.3, 12.0, 0.8, 1.4, Some(0.1)),
+                layer(0.05, 9.0, 0.8, 1.4, Some(1.5)),
+                layer(0.01, 6.0, 0.75, 1.4, Some(5.0)),
+            ],
+        ),
+    ]
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let tally = TallySpec {
+        radius_mm: (0..=200).map(|k| 0.05 * f64::from(k)).collect(),
+        ..TallySpec::default()
+    };
+    for (name, photons, layers) in media() {
+        let medium = LayeredMedium {
+            layers,
+            eta_above: 1.0,
+            eta_below: 1.0,
+        };
+        let simulation = Simulation::new(medium, Incidence::PENCIL, &tally, 1)?;
+        println!("{name}");
+        let mut scalar = None;
+        for walk in [Walk::Scalar]
+            .into_iter()
+            .chain(SimdPath::ALL.map(Walk::Lanes))
+        {
+            let simulation = simulation.clone().with_walk(walk);
+            if simulation.walk() != walk {
+                continue;
+            }
+            let photons = if walk == Walk::Scalar {
+                photons / 8
+            } else {
+                photons
+            };
+            let mut best = f64::INFINITY;
+            let mut rate = 0.0;
+            for _ in 0..3 {
+                let clock = Instant::now();
+                let tally = pool.install(|| simulation.run_photons(photons))?;
+                let seconds = clock.elapsed().as_secs_f64();
+                let event = seconds * 1e9 / tally.events() as f64;
+                if event < best {
+                    best = event;
+                    rate = tally.photons() as f64 / seconds;
+                }
+            }
+            let reference = *scalar.get_or_insert(best);
+            println!(
+                "  {:24} {best:7.2} ns/scattering {rate:10.0} photons/s {:6.1} × scalar",
+                format!("{walk:?}"),
+                reference / best,
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,62 @@
+//! Photons walking through layered media.
+//!
+//! The random walk is the truth that diffusion theory approximates. Layers have an index of their
+//! own and may be clear; every interface follows Fresnel; beams have a width and an angle; every
+//! number comes with a standard error. [`scalar`] is the definition, [`lanes`] the same walk many
+//! photons at a time, and tests tie the two together.
+//!
+//! It leaves out polarisation, fluorescence, time (path lengths are there), rough boundaries and
+//! any shape but plane layers. It knows no files and prints nothing.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`medium`] | [`LayeredMedium`]: what the photons walk through |
+//! | [`phase`] | [`Phase`]: how they scatter |
+//! | [`beam`] | [`Incidence`]: how they come in |
+//! | [`cells`] | [`TallySpec`]: what is counted, and exact sums of it |
+//! | [`tally`] | [`Tally`]: what came of it, with standard errors |
+//! | [`simulation`] | [`Simulation`]: all together, and how it is run |
+//! | [`path`] | [`SimdPath`]: the instructions it runs on |
+//! | [`error`] | [`InvalidSimulation`], [`CannotMerge`] |
+//!
+//! ```
+//! use montecarlo::{Incidence, LayeredMedium, Simulation, TallySpec};
+//! use physics::Medium;
+//!
+//! // Giovanelli's half-space: total reflectance 0.2599, of which 0.04 at the surface.
+//! let medium = Medium { sigma_a: 0.1, sigma_s: 0.9, g: 0.0, eta: 1.5 };
+//! let half_space = LayeredMedium::half_space(&medium);
+//! let simulation = Simulation::new(half_space, Incidence::PENCIL, &TallySpec::default(), 1)?;
+//! let tally = simulation.run_photons(100_000)?;
+//! let reflectance = tally.reflectance();
+//! assert!((reflectance.value - 0.2199).abs() < 4.0 * reflectance.u);
+//! # Ok::<(), montecarlo::InvalidSimulation>(())
+//! ```
+
+pub mod beam;
+mod bins;
+mod boundary;
+pub mod cells;
+pub mod error;
+mod kernel;
+mod lanes;
+pub mod medium;
+pub mod path;
+pub mod phase;
+mod problem;
+mod random;
+mod scalar;
+pub mod simulation;
+pub mod tally;
+
+pub use beam::{Direction, Incidence};
+pub use bins::Axis;
+pub use boundary::Side;
+pub use cells::{PHOTONS_PER_BLOCK, TallySpec};
+pub use error::{CannotMerge, InvalidSimulation, Place};
+pub use medium::{Layer, LayeredMedium};
+pub use path::SimdPath;
+pub use phase::{Phase, TabulatedPhase};
+pub use physics::footprint::Beam;
+pub use simulation::{Simulation, Walk};
+pub use tally::{Binned, Binned2, Estimate, Tally, TallyState, ring_area, solid_angle};

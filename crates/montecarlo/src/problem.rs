@@ -1,0 +1,84 @@
+//! What both walks are given, checked.
+
+use crate::beam::Incidence;
+use crate::cells::BlockCells;
+use crate::medium::LayeredMedium;
+use crate::random::{Stream64, Uniform};
+
+/// A checked medium, its light, and what is counted.
+#[derive(Clone, Debug)]
+pub(crate) struct Problem {
+    pub(crate) medium: LayeredMedium,
+    /// Depth of the top of each layer, mm.
+    pub(crate) tops: Vec<f64>,
+    pub(crate) incidence: Incidence,
+    /// Path length at which photons are dropped, mm; infinite without a cut-off.
+    pub(crate) path_cutoff: f64,
+    pub(crate) seed: u64,
+}
+
+/// −ln of the weight below which roulette is played: a thousandth.
+///
+/// Survivors come back to an eighth of a tenth, no heavier than photons that never played, so
+/// that far bins are not left to a few heavy ones.
+pub(crate) const ROULETTE_DEPTH: f64 = 6.907_755_278_982_137;
+/// One of so many survives, with so many times its weight.
+const ROULETTE_ODDS: f64 = 8.0;
+
+/// The depth with which a photon survives roulette, or `None`. Books what roulette takes or gives.
+pub(crate) fn roulette(depth: f64, xi: f64, cells: &mut BlockCells<'_>) -> Option<f64> {
+    let weight = (-depth).exp();
+    if xi * ROULETTE_ODDS < 1.0 {
+        let risen = depth - ROULETTE_ODDS.ln();
+        cells.roulette(weight - (-risen).exp());
+        Some(risen)
+    } else {
+        cells.roulette(weight);
+        None
+    }
+}
+
+/// Spreads what a photon loses along flights over the tallies of depth and radius.
+///
+/// Its random numbers are its own, so that a walk is the same with and without these tallies.
+pub(crate) struct Trail {
+    random: Stream64,
+}
+
+/// A straight piece of a photon's way inside one layer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Flown {
+    pub(crate) from: [f64; 3],
+    pub(crate) direction: [f64; 3],
+    pub(crate) length: f64,
+    /// −ln of the weight at its start and at its end.
+    pub(crate) depths: [f64; 2],
+    pub(crate) sigma_a: f64,
+}
+
+impl Trail {
+    pub(crate) fn new(seed: u64, block: u64) -> Self {
+        Self {
+            random: Stream64::new(!seed, block),
+        }
+    }
+
+    /// Leaves the whole loss at one point of the flight, drawn where it was absorbed.
+    pub(crate) fn deposit(&mut self, flown: &Flown, cells: &mut BlockCells<'_>) {
+        let Flown {
+            from,
+            direction,
+            length,
+            depths,
+            sigma_a,
+        } = *flown;
+        if sigma_a == 0.0 || length == 0.0 {
+            return;
+        }
+        let absorbed = -(-(depths[1] - depths[0])).exp_m1();
+        let share = self.random.uniform() * absorbed;
+        let at = (-(-share).ln_1p() / sigma_a).min(length);
+        let [x, y, z] = [0, 1, 2].map(|axis| from[axis] + direction[axis] * at);
+        cells.absorb_at(z, x.hypot(y), (-depths[0]).exp() * absorbed);
+    }
+}

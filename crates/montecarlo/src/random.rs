@@ -1,0 +1,93 @@
+//! Random numbers: one stream for each photon, named by the seed and the photon's number.
+//!
+//! No stream belongs to a thread, a lane or a block, so the assignment of randomness to photons
+//! depends on nothing that a machine may choose.
+
+/// A bijection of 64 bits whose output shows no trace of the order of its input.
+///
+/// # Source
+///
+/// `SplitMix64`, Steele, Lea and Flood (2014), with Stafford's constants (variant 13).
+fn mix(mut x: u64) -> u64 {
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Four words from which the stream of `photon` starts, different for every photon of a seed.
+fn start(seed: u64, photon: u64) -> [u64; 4] {
+    let first = mix(mix(seed.wrapping_add(GOLDEN)) ^ mix(photon.wrapping_add(GOLDEN)));
+    [0_u64, 1, 2, 3].map(|k| mix(first.wrapping_add(k.wrapping_mul(GOLDEN))))
+}
+
+/// The generator of the scalar walk: 64 bits a draw.
+///
+/// # Source
+///
+/// xoshiro256++, Blackman and Vigna (2021).
+pub(crate) struct Stream64([u64; 4]);
+
+/// The generator of one lane: 32 bits a draw.
+///
+/// # Source
+///
+/// xoshiro128++, Blackman and Vigna (2021).
+#[derive(Clone, Copy)]
+pub(crate) struct Stream32(pub(crate) [u32; 4]);
+
+/// Uniform numbers in [0, 1).
+pub(crate) trait Uniform {
+    /// The next one.
+    fn uniform(&mut self) -> f64;
+}
+
+impl Stream64 {
+    pub(crate) fn new(seed: u64, photon: u64) -> Self {
+        Self(start(seed, photon))
+    }
+}
+
+impl Uniform for Stream64 {
+    fn uniform(&mut self) -> f64 {
+        let s = &mut self.0;
+        let out = s[0].wrapping_add(s[3]).rotate_left(23).wrapping_add(s[0]);
+        let t = s[1] << 17;
+        s[2] ^= s[0];
+        s[3] ^= s[1];
+        s[1] ^= s[2];
+        s[0] ^= s[3];
+        s[2] ^= t;
+        s[3] = s[3].rotate_left(45);
+        (out >> 11) as f64 * (0.5_f64).powi(53)
+    }
+}
+
+impl Stream32 {
+    pub(crate) fn new(seed: u64, photon: u64) -> Self {
+        let [a, b, ..] = start(seed, photon);
+        // The lowest bit of the last word keeps the state away from all zeros.
+        Self([a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32 | 1])
+    }
+
+    #[inline(always)]
+    pub(crate) fn next(&mut self) -> u32 {
+        let s = &mut self.0;
+        let out = s[0].wrapping_add(s[3]).rotate_left(7).wrapping_add(s[0]);
+        let t = s[1] << 9;
+        s[2] ^= s[0];
+        s[3] ^= s[1];
+        s[1] ^= s[2];
+        s[0] ^= s[3];
+        s[2] ^= t;
+        s[3] = s[3].rotate_left(11);
+        out
+    }
+}
+
+impl Uniform for Stream32 {
+    fn uniform(&mut self) -> f64 {
+        f64::from(self.next()) * (0.5_f64).powi(32)
+    }
+}
