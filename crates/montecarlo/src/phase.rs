@@ -202,8 +202,8 @@ mod tests {
                     * step
                     * 2.0
                     * PI;
-                // The midpoint rule on the kinks of the table.
-                assert!((share - xi).abs() < 1e-8, "{phase:?} {xi}: {share}");
+                // What the midpoint rule leaves at the steepest peak.
+                assert!((share - xi).abs() < 1e-6, "{phase:?} {xi}: {share}");
             }
         }
     }

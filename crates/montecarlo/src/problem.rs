@@ -19,7 +19,7 @@ pub(crate) struct Problem {
 
 /// −ln of the weight below which roulette is played: a thousandth.
 ///
-/// Survivors come back to an eighth of a tenth, no heavier than photons that never played, so
+/// Survivors come back to an eighth of a tenth, no heavier than photons that never did, so
 /// that far bins are not left to a few heavy ones.
 pub(crate) const ROULETTE_DEPTH: f64 = 6.907_755_278_982_137;
 /// One of so many survives, with so many times its weight.
@@ -28,7 +28,8 @@ const ROULETTE_ODDS: f64 = 8.0;
 /// The depth with which a photon survives roulette, or `None`. Books what roulette takes or gives.
 pub(crate) fn roulette(depth: f64, xi: f64, cells: &mut BlockCells<'_>) -> Option<f64> {
     let weight = (-depth).exp();
-    if xi * ROULETTE_ODDS < 1.0 {
+    // Nothing is left of what flew into an absorber without end.
+    if weight > 0.0 && xi * ROULETTE_ODDS < 1.0 {
         let risen = depth - ROULETTE_ODDS.ln();
         cells.roulette(weight - (-risen).exp());
         Some(risen)
@@ -72,7 +73,7 @@ impl Trail {
             depths,
             sigma_a,
         } = *flown;
-        if sigma_a == 0.0 || length == 0.0 {
+        if depths[1] <= depths[0] {
             return;
         }
         let absorbed = -(-(depths[1] - depths[0])).exp_m1();
