@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Profile(ProfileArgs),
     /// Fits the coefficients to a radial profile.
     Fit(FitArgs),
+    /// Layered photon Monte Carlo.
+    Simulate(SimulateArgs),
     /// Material tables.
     #[command(subcommand)]
     Table(TableCommand),
@@ -186,6 +188,32 @@ pub(crate) struct FitArgs {
     pub(crate) fit: FitChoice,
 }
 
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot simulate marble.toml -o marble --photons 1e7 --until-u 1e-4\n\nmarble.toml:\n  [[layer]]\n  sigma_a_per_mm = 0.0041\n  sigma_s_per_mm = 2.62\n  g = 0.0\n  eta = 1.5"
+)]
+pub(crate) struct SimulateArgs {
+    /// Layers, beam and tallies.
+    #[arg(value_name = "MEDIUM.toml")]
+    pub(crate) medium: PathBuf,
+    /// Folder to write. One that holds a run of the same medium, seed and path is continued.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Photons to follow in all, as 1000000 or 1e6.
+    #[arg(long, default_value = "1e6", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
+    /// Stop earlier, once the standard error of reflectance and transmittance is below U.
+    #[arg(long, value_name = "U")]
+    pub(crate) until_u: Option<f64>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(crate) seed: u64,
+    /// Instruction path: portable, avx2 or avx512; the fastest of this machine by default. The
+    /// same path gives the same bytes on any machine.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) simd: Option<String>,
+}
+
 /// A total typed on the command line.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TotalArg {
@@ -244,6 +272,22 @@ pub(crate) enum TableCommand {
 pub(crate) enum TableFormat {
     Csv,
     Json,
+}
+
+fn photons(text: &str) -> Result<u64, String> {
+    // A whole number that a float holds exactly may be written with an exponent.
+    let float = || {
+        text.parse::<f64>()
+            .ok()
+            .filter(|n| n.fract() == 0.0 && (0.0..=9e15).contains(n))
+    };
+    text.parse::<u64>()
+        .ok()
+        .or_else(|| float().map(|n| n as u64))
+        .filter(|n| *n > 0)
+        .ok_or_else(|| {
+            format!("expected a number of photons above 0, as 1000000 or 1e6, got `{text}`")
+        })
 }
 
 fn length(text: &str) -> Result<f64, String> {

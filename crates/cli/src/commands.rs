@@ -5,6 +5,7 @@ pub(crate) mod fit;
 pub(crate) mod hdr;
 pub(crate) mod measure;
 pub(crate) mod profile;
+pub(crate) mod simulate;
 pub(crate) mod synth;
 pub(crate) mod table;
 

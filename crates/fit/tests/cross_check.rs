@@ -1,11 +1,6 @@
 //! The optimum against another solver on the same problem: argmin's Nelder-Mead, on objectives
 //! written here from their definition.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a failed step of a test is a failed test"
-)]
-
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::{brent::BrentOpt, neldermead::NelderMead};
 use fit::{Constraint, FitOptions, fit};

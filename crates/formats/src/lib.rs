@@ -24,6 +24,7 @@ pub mod image;
 pub mod layers_csv;
 pub mod materials_csv;
 pub mod materials_json;
+pub mod medium_toml;
 mod nearest;
 pub mod profile_csv;
 pub mod sample_toml;

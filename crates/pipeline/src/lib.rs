@@ -13,6 +13,7 @@
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
+//! | [`simulation`] | Monte Carlo simulations as files |
 //! | [`synthesis`] | synthetic captures as files |
 //! | [`library`] | the tables that ship with beamspot |
 
@@ -25,6 +26,7 @@ pub mod library;
 pub mod measure;
 pub mod monitor;
 pub mod outputs;
+pub mod simulation;
 pub mod synthesis;
 
 pub use error::{Error, Kind, Result};
