@@ -31,7 +31,11 @@ fn photograph_and_measure(material: &str, seed: u64) -> Vec<(Coefficients, Fit)>
     let manifest =
         synthesis::write(&sample, camera, "dipole", seed, &target, false, &Silent).unwrap();
     let loaded = capture::load(&manifest).unwrap();
-    let measurement = measure(&loaded, &Choices::default(), &Silent).unwrap();
+    let choices = Choices {
+        confirm: false,
+        ..Choices::default()
+    };
+    let measurement = measure(&loaded, &choices, &Silent).unwrap();
     sample
         .channels
         .iter()

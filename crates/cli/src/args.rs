@@ -126,6 +126,9 @@ pub(crate) struct MeasureArgs {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) fit: FitChoice,
+    /// Leave out the Monte Carlo simulation of what was found.
+    #[arg(long)]
+    pub(crate) no_confirm: bool,
 }
 
 #[derive(Args, Debug)]

@@ -374,6 +374,80 @@ fn a_manifest_without_the_noise_of_the_sensor() {
 }
 
 #[test]
+fn media_that_cannot_be_simulated() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let good = "[[layer]]\nsigma_a_per_mm = 0.1\nsigma_s_per_mm = 1.0\ng = 0.5\neta = 1.4\n\
+                thickness_mm = 1.0\n";
+    let simulate = [
+        "simulate",
+        "medium.toml",
+        "-o",
+        "result",
+        "--photons",
+        "1e4",
+    ];
+    for (from, to, words) in [
+        (
+            "eta = 1.4",
+            "eta = 0.9",
+            ["layer 1", "refractive index", "0.9"],
+        ),
+        ("g = 0.5", "g = 1.0", ["layer 1", "mean cosine", "1"]),
+        ("g = 0.5", "g = -1.0", ["layer 1", "mean cosine", "-1"]),
+        (
+            "sigma_s_per_mm = 1.0",
+            "sigma_s_per_mm = -1.0",
+            ["layer 1", "scattering", "-1"],
+        ),
+        (
+            "thickness_mm = 1.0",
+            "thickness_mm = 0.0",
+            ["layer 1", "thickness", "0 mm"],
+        ),
+        (
+            "sigma_s_per_mm = 1.0",
+            "sigma_s_per_mm = 0.0",
+            ["optical thickness", "Fresnel", "0"],
+        ),
+        (
+            "thickness_mm = 1.0",
+            "[tally]\nr_max_mm = -1",
+            ["radius", "increase", "-"],
+        ),
+        (
+            "thickness_mm = 1.0",
+            "[tally]\nr_bins = 10000000",
+            ["cells", "fewer", "limit"],
+        ),
+        (
+            "thickness_mm = 1.0",
+            "thicknes_mm = 1.0",
+            ["thicknes_mm", "thickness_mm", "line"],
+        ),
+    ] {
+        fs::write(path.join("medium.toml"), good.replace(from, to)).unwrap();
+        let words: Vec<&str> = words.iter().copied().filter(|w| *w != "limit").collect();
+        refused(path, &simulate, 3, &[&["medium.toml"], &words[..]].concat());
+    }
+    let clear = "[[layer]]\nsigma_a_per_mm = 0\nsigma_s_per_mm = 0\neta = 1.4\n";
+    fs::write(path.join("medium.toml"), clear).unwrap();
+    refused(
+        path,
+        &simulate,
+        3,
+        &["medium.toml", "neither absorbs nor scatters"],
+    );
+    fs::write(path.join("medium.toml"), good).unwrap();
+    let call = |more: [&'static str; 2]| {
+        [&["simulate", "medium.toml", "-o", "result"][..], &more].concat()
+    };
+    refused(path, &call(["--photons", "0"]), 2, &["photons above 0"]);
+    refused(path, &call(["--until-u", "0"]), 2, &["--until-u"]);
+    refused(path, &call(["--simd", "mmx"]), 2, &["mmx", "portable"]);
+}
+
+#[test]
 fn the_capture_itself_is_good() {
     let folder = tempfile::tempdir().unwrap();
     let output = beamspot()
@@ -383,6 +457,7 @@ fn the_capture_itself_is_good() {
             capture().join("capture.toml").to_str().unwrap(),
             "-o",
             "result",
+            "--no-confirm",
         ])
         .output()
         .unwrap();

@@ -73,6 +73,15 @@ fn measure_writes_everything_and_the_truth_is_in_it() {
             );
         }
     }
+    // Photons confirm what diffusion gets wrong by percents, and count the totals to permilles.
+    let photons = &document["channels"][1]["monte_carlo"];
+    assert!(photons["photons"].as_u64().unwrap() >= 1_000_000);
+    let error = photons["model_error"].as_f64().unwrap();
+    assert!((0.02..0.2).contains(&error), "{photons}");
+    let total = photons["total_reflectance"].as_f64().unwrap();
+    // Of 0.767481 per incident power by MCML (fixtures/monte-carlo/totals.csv), 1 - 0.04 enters,
+    // and a part in 500 leaves outside the picture.
+    assert!((total - 0.767_481 / 0.96).abs() < 0.004, "{photons}");
     for file in ["fit.json", "report.html", "radiance.exr"] {
         let bytes = fs::read(path.join("result").join(file)).unwrap();
         let here = path.to_str().unwrap().as_bytes();
@@ -109,7 +118,7 @@ fn the_stages_one_by_one_give_what_measure_gives() {
     let manifest = manifest.to_str().unwrap();
     let whole = json(&stdout(
         path,
-        &["measure", manifest, "-o", "whole", "--json"],
+        &["measure", manifest, "-o", "whole", "--json", "--no-confirm"],
     ));
     stdout(path, &["hdr", manifest, "-o", "radiance.exr"]);
     stdout(
@@ -214,7 +223,14 @@ fn another_camera() {
     stdout(path, &synth);
     let document = json(&stdout(
         path,
-        &["measure", "mono/capture.toml", "-o", "result", "--json"],
+        &[
+            "measure",
+            "mono/capture.toml",
+            "-o",
+            "result",
+            "--json",
+            "--no-confirm",
+        ],
     ));
     let channel = &document["channels"][0];
     assert_eq!(channel["channel"], "Y");
@@ -232,7 +248,17 @@ fn several_captures_go_into_a_folder_each_and_one_table() {
     let path = folder.path();
     let manifest = capture().join("capture.toml");
     let manifest = manifest.to_str().unwrap();
-    stdout(path, &["measure", manifest, manifest, "-o", "result"]);
+    stdout(
+        path,
+        &[
+            "measure",
+            manifest,
+            manifest,
+            "-o",
+            "result",
+            "--no-confirm",
+        ],
+    );
     let table = fs::read_to_string(path.join("result/materials.csv")).unwrap();
     assert_eq!(table.lines().count(), 7);
     assert!(path.join("result/Marble/fit.json").exists());
@@ -320,6 +346,108 @@ fn an_interrupt_leaves_nothing() {
     assert_eq!(output.status.code(), Some(130));
     assert!(String::from_utf8_lossy(&output.stderr).contains("interrupted"));
     assert_eq!(names(folder.path()), Vec::<std::path::PathBuf>::new());
+}
+
+const MARBLE: &str = "[[layer]]\nsigma_a_per_mm = 0.0041\nsigma_s_per_mm = 2.62\neta = 1.5\n\
+                      [tally]\nangle_bins = 9\norders = 5\nz_max_mm = 10\nz_bins = 10\n\
+                      path_max_mm = 100\npath_bins = 10\n";
+
+#[test]
+fn a_simulation_goes_on_where_it_stopped_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("marble.toml"), MARBLE).unwrap();
+    let simulate = |target: &str, photons: &str, threads: &str| {
+        stdout(
+            path,
+            &[
+                "simulate",
+                "marble.toml",
+                "-o",
+                target,
+                "--photons",
+                photons,
+                "--threads",
+                threads,
+            ],
+        );
+    };
+    simulate("at-once", "1e5", "2");
+    simulate("in-two", "3e4", "1");
+    simulate("in-two", "1e5", "1");
+    let files = names(&path.join("at-once"));
+    assert_eq!(files.len(), 12, "{files:?}");
+    for name in files {
+        let [a, b] = ["at-once", "in-two"].map(|f| fs::read(path.join(f).join(&name)).unwrap());
+        assert!(a == b, "{} differs", name.display());
+    }
+    let totals = json(&fs::read_to_string(path.join("at-once/totals.json")).unwrap());
+    let [value, u] = ["value", "u"].map(|k| totals["diffuse_reflectance"][k].as_f64().unwrap());
+    assert!((value - 0.767_446).abs() < 4.0 * u && u < 2e-3, "{totals}");
+    assert!(
+        totals["energy_error"].as_f64().unwrap().abs() < 1e-6,
+        "{totals}"
+    );
+
+    // The profile is one that `fit` takes.
+    let fit = [
+        "fit",
+        "at-once/reflectance_r.csv",
+        "--eta",
+        "1.5",
+        "--total",
+        "Y=0.7674±0.001",
+        "--json",
+    ];
+    let fit = json(&stdout(path, &fit));
+    let sigma_s_prime = fit["channels"][0]["sigma_s_prime_per_mm"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!((sigma_s_prime / 2.62 - 1.0).abs() < 0.15, "{fit}");
+
+    let enough = [
+        "simulate",
+        "marble.toml",
+        "-o",
+        "enough",
+        "--photons",
+        "1e9",
+        "--until-u",
+        "2e-3",
+    ];
+    let enough = json(&stdout(path, &[&enough[..], &["--json"]].concat()));
+    assert!(
+        enough["diffuse_reflectance"]["u"].as_f64().unwrap() <= 2e-3,
+        "{enough}"
+    );
+    assert!(enough["photons"].as_u64().unwrap() < 1_000_000, "{enough}");
+
+    let portable = [
+        "simulate",
+        "marble.toml",
+        "-o",
+        "portable",
+        "--photons",
+        "2e4",
+        "--simd",
+        "portable",
+        "--json",
+    ];
+    let portable = json(&stdout(path, &portable));
+    assert_eq!(portable["simd"], "portable");
+    let other = [
+        "simulate",
+        "marble.toml",
+        "-o",
+        "at-once",
+        "--photons",
+        "1e5",
+        "--seed",
+        "2",
+    ];
+    let output = beamspot().current_dir(path).args(other).output().unwrap();
+    assert_eq!(output.status.code(), Some(3));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("another medium, seed"));
 }
 
 /// Every command in the README's `sh` blocks, in order, in one folder.

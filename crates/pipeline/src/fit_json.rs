@@ -1,6 +1,7 @@
 //! `fit.json`: the fits of a capture, for other programs.
 
 use crate::capture::Input;
+use crate::confirm::Confirmation;
 use fit::{Constraint, Estimate, Fit, Termination};
 use serde::Serialize;
 
@@ -57,6 +58,8 @@ pub struct Channel {
     termination: &'static str,
     upper_limit: Option<f64>,
     warnings: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    monte_carlo: Option<Confirmation>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -125,6 +128,7 @@ impl From<&Fit> for Channel {
             termination: termination_name(fit.termination),
             upper_limit: fit.upper_limit,
             warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+            monte_carlo: None,
         }
     }
 }
@@ -157,6 +161,15 @@ impl FitDocument {
             assumptions: assumptions.to_vec(),
             channels: fits.iter().map(Channel::from).collect(),
         }
+    }
+
+    /// The same document with what photon counting says of each channel.
+    #[must_use]
+    pub fn with_confirmations(mut self, confirmations: &[Option<Confirmation>]) -> Self {
+        for (channel, confirmation) in self.channels.iter_mut().zip(confirmations) {
+            channel.monte_carlo.clone_from(confirmation);
+        }
+        self
     }
 
     /// The text of the file.

@@ -40,7 +40,8 @@ pub struct Given {
 }
 
 impl Given {
-    fn entry_factor(&self, eta: f64) -> f64 {
+    /// Share of the incident power that enters at index `eta`; 1 in the paper's mode.
+    pub(crate) fn entry_factor(&self, eta: f64) -> f64 {
         if self.entry_loss {
             fresnel::entry_factor(eta, self.cos_beam)
         } else {

@@ -11,6 +11,7 @@
 //! | [`capture`] | a manifest with its frames: loading, hashing, merging |
 //! | [`measure`] | the main job: frames to materials |
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
+//! | [`confirm`] | a fit against counted photons |
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
 //! | [`simulation`] | Monte Carlo simulations as files |
@@ -18,6 +19,7 @@
 //! | [`library`] | the tables that ship with beamspot |
 
 pub mod capture;
+pub mod confirm;
 pub mod error;
 pub mod files;
 pub mod fit_json;

@@ -1,6 +1,7 @@
 //! The main job: frames to materials.
 
 use crate::capture::{Input, Loaded, Merged, Subject, merge_lines};
+use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given};
@@ -22,6 +23,8 @@ pub struct Choices {
     pub constraint: Constraint,
     /// First and last radius, mm; `None` lets the fit choose.
     pub range_mm: Option<(f64, f64)>,
+    /// Whether the fitted medium is simulated and laid over data and model.
+    pub confirm: bool,
 }
 
 impl Default for Choices {
@@ -30,6 +33,7 @@ impl Default for Choices {
             model: "dipole".to_owned(),
             constraint: Constraint::Joint,
             range_mm: None,
+            confirm: true,
         }
     }
 }
@@ -60,6 +64,8 @@ pub struct Measurement {
     pub given: Given,
     /// The fit of each channel.
     pub fits: Vec<Fit>,
+    /// What photon counting says of each fit; empty where it was not asked.
+    pub confirmations: Vec<Option<Confirmation>>,
     /// The rows for a table.
     pub materials: Vec<Material>,
     /// Defaults that stood in for what the manifest left out.
@@ -236,6 +242,16 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
             fit
         })
         .collect::<Result<Vec<Fit>>>()?;
+    let mut confirmations = vec![];
+    if choices.confirm {
+        monitor.begin("confirming", fits.len() as u64);
+        for (fit, m) in fits.iter().zip(&measured) {
+            monitor.check()?;
+            let confirmed = confirm(fit, &m.profile, &given).map_err(|e| e.within(place()))?;
+            confirmations.push(confirmed);
+            monitor.step();
+        }
+    }
     let materials = fitting::materials(&fits, &capture.material, &given)?;
     Ok(Measurement {
         material: capture.material.clone(),
@@ -244,14 +260,32 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         measured,
         given,
         fits,
+        confirmations,
         materials,
     })
 }
 
 impl Measurement {
+    /// What photon counting says of the fit of channel `index`.
+    pub fn confirmation(&self, index: usize) -> Option<&Confirmation> {
+        self.confirmations.get(index)?.as_ref()
+    }
+
+    /// The same in a sentence for each channel.
+    pub fn confirmation_lines(&self) -> Vec<String> {
+        let said = self.fits.iter().enumerate().filter_map(|(index, fit)| {
+            Some(format!(
+                "{}: {}",
+                fit.channel,
+                self.confirmation(index)?.sentence()?
+            ))
+        });
+        said.collect()
+    }
+
     /// The document `fit.json`.
     pub fn document(&self) -> FitDocument {
-        FitDocument::new(
+        let document = FitDocument::new(
             &self.fits,
             Some(self.material.clone()),
             self.given.eta,
@@ -259,7 +293,8 @@ impl Measurement {
             self.given.constraint,
             &self.radiance.inputs,
             &self.assumptions,
-        )
+        );
+        document.with_confirmations(&self.confirmations)
     }
 
     /// The profile of each channel.

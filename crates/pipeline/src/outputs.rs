@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::files::Outputs;
 use crate::fitting::model_curve;
 use crate::measure::Measurement;
+use physics::ProfilePoint;
 use report::{ChannelReport, CurvePoint, Report, figure_svg, report_html};
 use std::io::Write;
 use std::path::Path;
@@ -67,7 +68,17 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
     })?;
 
     let mut channels = vec![];
-    for ((fit, profile), row) in measurement.fits.iter().zip(&profiles).zip(rows) {
+    for (index, ((fit, profile), row)) in
+        measurement.fits.iter().zip(&profiles).zip(rows).enumerate()
+    {
+        let seen = measurement.given.entry_factor(measurement.given.eta) * fit.scale;
+        let monte_carlo = measurement.confirmation(index).map_or(vec![], |c| {
+            let place = |p: &ProfilePoint| CurvePoint {
+                radius_mm: p.radius_mm,
+                reflectance_per_mm2: seen * p.reflectance_per_mm2,
+            };
+            c.curve.iter().map(place).collect()
+        });
         let model_curve = model_curve(profile, fit, &measurement.given)?
             .into_iter()
             .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
@@ -81,6 +92,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             wavelength_nm: row.wavelength_nm,
             model_curve,
             total_reflectance: row.total_reflectance.unwrap_or(0.0),
+            monte_carlo,
             truth: None,
         });
     }
@@ -93,6 +105,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         channels,
         warnings: vec![],
         assumptions: measurement.assumptions.clone(),
+        confirmation: measurement.confirmation_lines(),
         merge: measurement.radiance.merge_lines.clone(),
         tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),
         inputs: measurement

@@ -205,7 +205,12 @@ pub fn simulate(
             done = finished;
             if !told {
                 told = true;
-                let left = (blocks.end - first) as f64 / finished as f64 - 1.0;
+                let all = (blocks.end - first) as f64 / finished as f64 - 1.0;
+                // The standard error falls with the root of the photons.
+                let enough = effort
+                    .until_u
+                    .map_or(f64::INFINITY, |u| (so_far.u() / u).powi(2));
+                let left = all.min(enough);
                 say_how_long(start.elapsed().as_secs_f64() * left, effort, say);
             }
             // Only a run with a limit has to look at both parts together.
@@ -493,14 +498,12 @@ fn binned(
 pub struct HalfSpaceRun {
     /// Exitance per incident power in each of the rings.
     pub points: Vec<physics::ProfilePoint>,
-    /// Diffuse reflectance of the whole plane, and its standard error.
-    pub total: (f64, f64),
     /// Photons followed.
     pub photons: u64,
 }
 
 /// Follows `photons` into a half-space and counts what leaves within `radius_mm`, edges of rings
-/// from 0 outward.
+/// from 0 outward. Paths longer than `path_cutoff_mm` are dropped.
 ///
 /// # Errors
 ///
@@ -509,11 +512,13 @@ pub fn half_space(
     medium: &physics::Medium,
     beam: Beam,
     radius_mm: Vec<f64>,
+    path_cutoff_mm: f64,
     photons: u64,
     seed: u64,
 ) -> Result<HalfSpaceRun> {
     let tally = TallySpec {
         radius_mm,
+        path_cutoff_mm: Some(path_cutoff_mm),
         ..TallySpec::default()
     };
     let incidence = Incidence {
@@ -523,10 +528,8 @@ pub fn half_space(
     let simulation = Simulation::new(LayeredMedium::half_space(medium), incidence, &tally, seed)
         .input("Monte Carlo")?;
     let tally = simulation.run_photons(photons).input("Monte Carlo")?;
-    let total = tally.reflectance();
     Ok(HalfSpaceRun {
         points: tally.profile(Side::Above),
-        total: (total.value, total.u),
         photons: tally.photons(),
     })
 }

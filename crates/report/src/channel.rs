@@ -16,6 +16,8 @@ pub struct ChannelReport<'a> {
     /// The model at the optimum over all radii, by increasing radius, in the terms of the profile:
     /// per incident power, the fitted scale in it.
     pub model_curve: Vec<CurvePoint>,
+    /// The same medium by photon counting, in the same terms; empty where none were counted.
+    pub monte_carlo: Vec<CurvePoint>,
     /// The model's total over the whole plane, per power that *enters* the medium.
     pub total_reflectance: f64,
     /// The coefficients that made the data, where they are known.
@@ -164,6 +166,7 @@ mod tests {
             wavelength_nm: None,
             model_curve: vec![],
             total_reflectance: 0.79,
+            monte_carlo: vec![],
             truth: None,
         })
     }

@@ -1,7 +1,7 @@
 //! The figure of one channel: profile and fit above, residuals below, over one axis of radius.
 
 use crate::axis::Axis;
-use crate::channel::ChannelReport;
+use crate::channel::{ChannelReport, CurvePoint};
 use crate::markup::{escaped, svg};
 use crate::number::{exact, fixed, significant};
 use physics::ProfilePoint;
@@ -280,11 +280,11 @@ impl<'a> Plot<'a> {
         self.model(out);
     }
 
-    /// The model, full inside the range and dashed outside.
-    fn model(&self, out: &mut String) {
+    /// A line through the points that have a place on both axes.
+    fn line(&self, points: &[CurvePoint]) -> String {
         let mut path = String::new();
         let mut pen = 'M';
-        for point in &self.channel.model_curve {
+        for point in points {
             let x = self.radius.place(point.radius_mm);
             match x.zip(self.reflectance.place(point.reflectance_per_mm2)) {
                 Some((x, y)) => {
@@ -294,13 +294,24 @@ impl<'a> Plot<'a> {
                 None => pen = 'M',
             }
         }
+        path
+    }
+
+    /// The model, full inside the range and dashed outside, and the photons.
+    fn model(&self, out: &mut String) {
+        let path = self.line(&self.channel.model_curve);
         let (start, end) = self.range();
         let (top, bottom) = PROFILE;
-        for (from, to, class) in [
+        let photons = self.line(&self.channel.monte_carlo);
+        for (from, to, class, path) in [
             (LEFT, start, "model beyond"),
             (start, end, "model"),
             (end, RIGHT, "model beyond"),
-        ] {
+        ]
+        .map(|(from, to, class)| (from, to, class, path.as_str()))
+        .into_iter()
+        .chain([(LEFT, RIGHT, "photons", photons.as_str())])
+        {
             if to - from < 0.01 || path.is_empty() {
                 continue;
             }
@@ -340,6 +351,11 @@ impl<'a> Plot<'a> {
                 !self.channel.model_curve.is_empty(),
                 "<path class=\"model\" d=\"M0 0h16\"/>".to_owned(),
                 "model",
+            ),
+            (
+                !self.channel.monte_carlo.is_empty(),
+                "<path class=\"photons\" d=\"M0 0h16\"/>".to_owned(),
+                "Monte Carlo",
             ),
             (
                 fitted,

@@ -31,6 +31,8 @@ pub struct Report<'a> {
     pub warnings: Vec<String>,
     /// Defaults and estimates that stood in for what was not given, one sentence each.
     pub assumptions: Vec<String>,
+    /// What photon counting says of the fits, one sentence each.
+    pub confirmation: Vec<String>,
     /// What became of the frames: used, saturated, masked; one sentence each.
     pub merge: Vec<String>,
     /// Name and version of the program.
@@ -83,6 +85,7 @@ pub fn report_html(report: &Report) -> String {
             drawing(report.material, channel, "")
         );
     }
+    list(&mut out, "Confirmation", &report.confirmation);
     list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
     provenance(&mut out, report);

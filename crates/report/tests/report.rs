@@ -23,6 +23,7 @@ fn page<'a>(material: &'a str, channels: Vec<ChannelReport<'a>>) -> Report<'a> {
         channels,
         warnings: vec![],
         assumptions: vec![],
+        confirmation: vec![],
         merge: vec![],
         tool: "beamspot 0.1.0",
         inputs: vec![],
@@ -188,6 +189,7 @@ fn text_from_outside_stays_text() {
         model: evil,
         warnings: vec![evil.to_owned()],
         assumptions: vec![evil.to_owned()],
+        confirmation: vec![],
         merge: vec![evil.to_owned()],
         tool: evil,
         inputs: vec![Input {
@@ -367,6 +369,7 @@ fn values_that_a_logarithm_cannot_show_become_arrows() {
         wavelength_nm: None,
         model_curve: vec![],
         total_reflectance: 0.5,
+        monte_carlo: vec![],
         truth: None,
     };
     let svg = figure_svg("Milk", &channel);

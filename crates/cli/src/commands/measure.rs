@@ -1,7 +1,7 @@
 //! `beamspot measure`
 
 use super::print;
-use crate::args::{Common, FitChoice, MeasureArgs};
+use crate::args::{Common, MeasureArgs};
 use physics::Material;
 use pipeline::files::Outputs;
 use pipeline::fit_json::{FitDocument, SCHEMA_VERSION};
@@ -11,16 +11,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-impl From<&FitChoice> for Choices {
-    fn from(choice: &FitChoice) -> Self {
-        Self {
-            model: choice.model.clone(),
-            constraint: choice.constraint.into(),
-            range_mm: choice.range,
-        }
-    }
-}
 
 #[derive(Serialize)]
 struct Document {
@@ -35,7 +25,12 @@ pub(crate) fn run(
     monitor: &dyn Monitor,
     out: &mut impl Write,
 ) -> Result<()> {
-    let choices = Choices::from(&args.fit);
+    let choices = Choices {
+        model: args.fit.model.clone(),
+        constraint: args.fit.constraint.into(),
+        range_mm: args.fit.range,
+        confirm: !args.no_confirm,
+    };
     let loaded = args
         .captures
         .iter()
@@ -128,6 +123,9 @@ pub(crate) fn summary(
         ),
     )?;
     print::fits(out, &measurement.fits)?;
+    for confirmation in measurement.confirmation_lines() {
+        print::line(out, confirmation)?;
+    }
     for assumption in &measurement.assumptions {
         print::line(out, format!("note: {assumption}"))?;
     }

@@ -28,6 +28,7 @@ impl Synthetic {
             wavelength_nm: None,
             model_curve: self.model_curve.clone(),
             total_reflectance: self.total_reflectance,
+            monte_carlo: vec![],
             truth: Some(self.truth),
         }
     }
@@ -37,6 +38,7 @@ impl Synthetic {
 /// coefficients; its white reference is 0.4 % off.
 pub(crate) fn channel(
     name: &str,
+    monte_carlo: vec![],
     truth: Coefficients,
     eta: f64,
     seed: u64,
@@ -103,6 +105,7 @@ pub(crate) fn channel(
         .collect();
     let total_reflectance = model.within(fit.coefficients(), f64::INFINITY).value;
     Ok(Synthetic {
+        monte_carlo: vec![],
         truth,
         profile,
         fit,
