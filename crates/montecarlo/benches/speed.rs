@@ -1,10 +1,29 @@
-//! Nanoseconds per scattering: the scalar walk and every instruction path, in one process.
+//! Nanoseconds per scattering: the scalar walk and every instruction path, in one process, and what
+//! the pieces of a scattering cost in lanes.
 //!
 //! `cargo bench -p beamspot-montecarlo`. One thread. Each figure is the best of three runs.
 #![expect(clippy::print_stdout, reason = "a bench prints")]
 
+use montecarlo::pieces::{Piece, Pieces};
 use montecarlo::{Incidence, Layer, LayeredMedium, Phase, SimdPath, Simulation, TallySpec, Walk};
+use std::hint::black_box;
 use std::time::Instant;
+
+/// Nanoseconds of one piece in one lane.
+fn cost(piece: Piece, path: SimdPath) -> f64 {
+    let mut pool = Pieces::default();
+    let passes = 200_000;
+    let mut best = f64::INFINITY;
+    for _ in 0..3 {
+        let clock = Instant::now();
+        for _ in 0..passes {
+            black_box(&mut pool).pass(piece, path);
+        }
+        let lanes = f64::from(passes) * Pieces::LANES as f64;
+        best = best.min(clock.elapsed().as_secs_f64() * 1e9 / lanes);
+    }
+    best
+}
 
 fn layer(sigma_a: f64, sigma_s: f64, g: f64, eta: f64, thickness_mm: Option<f64>) -> Layer {
     Layer {
@@ -87,6 +106,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 reference / best,
             );
         }
+    }
+    println!("pieces of a scattering, ns per lane");
+    use Piece::{Division, Logarithm, RandomBits, SineAndCosine, SquareRoot};
+    for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+        print!("  {:10}", path.name());
+        for piece in [RandomBits, Logarithm, SineAndCosine, SquareRoot, Division] {
+            print!(" {piece:?} {:.2}", cost(piece, path));
+        }
+        println!();
     }
     Ok(())
 }

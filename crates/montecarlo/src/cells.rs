@@ -10,7 +10,7 @@ use crate::error::InvalidSimulation;
 
 /// Photons in a block: the unit of work, and of the statistics of tallies to which one photon
 /// contributes many times.
-pub const PHOTONS_PER_BLOCK: u64 = 1 << 14;
+pub const PHOTONS_PER_BLOCK: u64 = 1 << 12;
 
 /// Blocks that the sums can hold without overflow: 10¹² photons and more.
 pub(crate) const MOST_BLOCKS: u64 = 1 << 30;
@@ -278,12 +278,12 @@ impl<'a> BlockCells<'a> {
     }
 
     /// A photon leaves weight at a point.
-    pub(crate) fn absorb_at(&mut self, depth: f64, radius: f64, weight: f64) {
+    pub(crate) fn absorb_at(&mut self, [x, y, z]: [f64; 3], weight: f64) {
         let layout = self.layout;
-        let depth = layout.depth.find(depth);
+        let depth = layout.depth.find(z);
         self.cells[layout.by_depth() + depth][0] += weight;
         if layout.depth_and_radius {
-            let joint = depth * layout.radius.cells() + layout.radius.find(radius);
+            let joint = depth * layout.radius.cells() + layout.radius.find((x * x + y * y).sqrt());
             self.cells[layout.by_depth_and_radius() + joint][0] += weight;
         }
     }

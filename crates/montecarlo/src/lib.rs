@@ -43,6 +43,8 @@ mod lanes;
 pub mod medium;
 pub mod path;
 pub mod phase;
+#[doc(hidden)]
+pub mod pieces;
 mod problem;
 mod random;
 mod scalar;

@@ -1,6 +1,7 @@
 //! Which instructions the lanes run on, chosen at run time.
 
 use crate::kernel::{Chunk, Flight, Limits, Scattering, advance};
+use pulp::NullaryFnOnce;
 
 /// An instruction path of the lane walk.
 ///
@@ -53,6 +54,39 @@ impl SimdPath {
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|path| path.name() == name)
     }
+
+    /// Runs a loop over lanes on this path, or on the portable one where the processor lacks it.
+    pub(crate) fn run(self, lanes: impl LaneLoop) {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 if let Some(simd) = pulp::x86::V4::try_new() => {
+                simd.vectorize(Compiled::<_, true>(lanes));
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 if let Some(simd) = pulp::x86::V3::try_new() => {
+                simd.vectorize(Compiled::<_, true>(lanes));
+            }
+            _ => Compiled::<_, false>(lanes).call(),
+        }
+    }
+}
+
+/// A loop over lanes, to be compiled for each path.
+pub(crate) trait LaneLoop {
+    /// The loop, with fused multiply-adds if the path has them. Always inlined.
+    fn run<const FMA: bool>(self);
+}
+
+/// The form that `pulp` compiles for an instruction set.
+struct Compiled<L, const FMA: bool>(L);
+
+impl<L: LaneLoop, const FMA: bool> NullaryFnOnce for Compiled<L, FMA> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.0.run::<FMA>();
+    }
 }
 
 /// One step and one scattering of every photon, on the given path.
@@ -65,16 +99,16 @@ pub(crate) struct Stepper {
     limits: Limits,
 }
 
-/// The hot loop over all chunks, in a form that `pulp` compiles for an instruction set.
-struct Pass<'a, const FMA: bool> {
+/// The hot loop over all chunks.
+struct Pass<'a> {
     stepper: &'a Stepper,
     chunks: &'a mut [Chunk],
     flights: &'a mut [Flight],
 }
 
-impl<const FMA: bool> Pass<'_, FMA> {
+impl Pass<'_> {
     #[inline(always)]
-    fn run<const SCATTERING: u8>(self) {
+    fn advance<const FMA: bool, const SCATTERING: u8>(self) {
         let limits = self.stepper.limits;
         if self.stepper.flights {
             for (chunk, flight) in self.chunks.iter_mut().zip(self.flights) {
@@ -89,32 +123,27 @@ impl<const FMA: bool> Pass<'_, FMA> {
     }
 }
 
-impl<const FMA: bool> pulp::NullaryFnOnce for Pass<'_, FMA> {
-    type Output = ();
-
+impl LaneLoop for Pass<'_> {
     #[inline(always)]
-    fn call(self) {
+    fn run<const FMA: bool>(self) {
+        const ISOTROPIC: u8 = Scattering::Isotropic as u8;
+        const HENYEY_GREENSTEIN: u8 = Scattering::HenyeyGreenstein as u8;
+        const GIVEN: u8 = Scattering::Given as u8;
         match self.stepper.scattering {
-            Scattering::Isotropic => self.run::<{ Scattering::Isotropic as u8 }>(),
-            Scattering::HenyeyGreenstein => self.run::<{ Scattering::HenyeyGreenstein as u8 }>(),
-            Scattering::Given => self.run::<{ Scattering::Given as u8 }>(),
+            Scattering::Isotropic => self.advance::<FMA, ISOTROPIC>(),
+            Scattering::HenyeyGreenstein => self.advance::<FMA, HENYEY_GREENSTEIN>(),
+            Scattering::Given => self.advance::<FMA, GIVEN>(),
         }
     }
 }
 
 impl Stepper {
-    /// On `path`, or on the portable one where the processor lacks it.
     pub(crate) fn new(
         path: SimdPath,
         scattering: Scattering,
         flights: bool,
         limits: Limits,
     ) -> Self {
-        let path = if path.is_available() {
-            path
-        } else {
-            SimdPath::Portable
-        };
         Self {
             path,
             scattering,
@@ -133,28 +162,7 @@ impl Stepper {
 
     /// Moves the photons of all `chunks`. `flights` has as many, or none if none are recorded.
     pub(crate) fn advance(&self, chunks: &mut [Chunk], flights: &mut [Flight]) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if self.path == SimdPath::Avx512
-                && let Some(simd) = pulp::x86::V4::try_new()
-            {
-                return simd.vectorize(Pass::<true> {
-                    stepper: self,
-                    chunks,
-                    flights,
-                });
-            }
-            if self.path == SimdPath::Avx2
-                && let Some(simd) = pulp::x86::V3::try_new()
-            {
-                return simd.vectorize(Pass::<true> {
-                    stepper: self,
-                    chunks,
-                    flights,
-                });
-            }
-        }
-        pulp::NullaryFnOnce::call(Pass::<false> {
+        self.path.run(Pass {
             stepper: self,
             chunks,
             flights,

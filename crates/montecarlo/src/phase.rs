@@ -87,7 +87,7 @@ impl TabulatedPhase {
         };
         for (row, &(cos, density)) in rows.iter().enumerate() {
             let increases = row == 0 || rows[row - 1].0 < cos;
-            if !increases || !(density >= 0.0 && density.is_finite()) {
+            if !(increases && density >= 0.0 && density.is_finite()) {
                 return bad(row + 1, cos, density);
             }
         }

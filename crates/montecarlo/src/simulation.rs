@@ -140,7 +140,8 @@ impl Simulation {
         mut progress: impl FnMut(&Tally) -> ControlFlow<()>,
     ) -> Tally {
         let mut tally = self.empty();
-        let batch = 4 * rayon::current_num_threads() as u64;
+        // Enough for threads to wait for one another little, few enough to report soon.
+        let batch = 16 * rayon::current_num_threads() as u64;
         let (mut start, end) = (blocks.start, blocks.end.min(MOST_BLOCKS));
         while start < end && !stop.load(Ordering::Relaxed) {
             let next = (start + batch).min(end);

@@ -113,7 +113,7 @@ impl Tally {
 
     /// Adds block number `block`.
     pub(crate) fn push(&mut self, block: u64, cells: &BlockCells<'_>) {
-        self.blocks = union(&self.blocks, &[block..block + 1]);
+        self.blocks = union(&self.blocks, std::slice::from_ref(&(block..block + 1)));
         add_block(&mut self.sums, cells);
         self.events += cells.events;
     }

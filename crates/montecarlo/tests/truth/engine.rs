@@ -151,7 +151,7 @@ fn a_run_can_stop_at_a_standard_error() {
     assert!(tally.u() <= 2e-3 && tally.u() > 2e-4, "{}", tally.u());
 }
 
-/// Thirty runs scatter about their mean as their standard errors say, also in far rings and for
+/// Twenty-four runs scatter about their mean as their standard errors say, also in far rings and for
 /// absorption, to which a photon contributes many times.
 #[test]
 fn standard_errors_are_true() {

@@ -167,7 +167,7 @@ fn compare(what: &str, a: &Tally, b: &Tally) {
 #[test]
 fn every_path_has_the_distributions_of_the_scalar_walk() {
     for (name, simulation) in cases() {
-        let photons = 250_000;
+        let photons = 150_000;
         let scalar = simulation
             .clone()
             .with_walk(Walk::Scalar)

@@ -1,0 +1,89 @@
+//! The pieces of a scattering one by one, so that a bench can say where the time goes.
+
+use crate::kernel::{Floats, WIDTH, minus_ln, random_direction, uniform};
+use crate::path::{LaneLoop, SimdPath};
+use crate::random::Stream32;
+
+const CHUNKS: usize = 8;
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Piece {
+    /// 32 random bits.
+    RandomBits,
+    /// −ln of a uniform number.
+    Logarithm,
+    /// Sine and cosine of a random angle.
+    SineAndCosine,
+    /// A square root.
+    SquareRoot,
+    /// A division.
+    Division,
+}
+
+/// As many lanes as a pool has, with random bits and results.
+#[derive(Debug)]
+pub struct Pieces {
+    words: [[[u32; WIDTH]; 4]; CHUNKS],
+    out: [[f32; WIDTH]; CHUNKS],
+}
+
+impl Default for Pieces {
+    fn default() -> Self {
+        Self {
+            words: [[[0x9e37_79b9; WIDTH]; 4]; CHUNKS],
+            out: [[0.0; WIDTH]; CHUNKS],
+        }
+    }
+}
+
+impl Pieces {
+    /// How many lanes there are.
+    pub const LANES: usize = CHUNKS * WIDTH;
+
+    /// Does the piece once in every lane, on the path if the processor has it.
+    pub fn pass(&mut self, piece: Piece, path: SimdPath) {
+        path.run(Pass {
+            piece,
+            pieces: self,
+        });
+    }
+}
+
+struct Pass<'a> {
+    piece: Piece,
+    pieces: &'a mut Pieces,
+}
+
+impl LaneLoop for Pass<'_> {
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        for (words, out) in self.pieces.words.iter_mut().zip(&mut self.pieces.out) {
+            match self.piece {
+                Piece::RandomBits => {
+                    for i in 0..WIDTH {
+                        let mut stream = Stream32(std::array::from_fn(|word| words[word][i]));
+                        out[i] = f32::from_bits(stream.next());
+                        for (word, state) in words.iter_mut().zip(stream.0) {
+                            word[i] = state;
+                        }
+                    }
+                }
+                Piece::Logarithm => each(out, &words[0], minus_ln::<FMA>),
+                Piece::SineAndCosine => each(out, &words[0], |bits| {
+                    let (cos, sin) = random_direction::<FMA>(bits);
+                    cos + sin
+                }),
+                Piece::SquareRoot => each(out, &words[0], |bits| uniform(bits).sqrt()),
+                Piece::Division => each(out, &words[0], |bits| 1.0 / uniform(bits)),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn each(out: &mut Floats, words: &[u32; WIDTH], piece: impl Fn(u32) -> f32) {
+    for (out, &bits) in out.iter_mut().zip(words) {
+        *out = piece(bits);
+    }
+}
