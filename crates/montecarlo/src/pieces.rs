@@ -62,7 +62,8 @@ impl LaneLoop for Pass<'_> {
             match self.piece {
                 Piece::RandomBits => {
                     for i in 0..WIDTH {
-                        let mut stream = Stream32(std::array::from_fn(|word| words[word][i]));
+                        let mut stream =
+                            Stream32([words[0][i], words[1][i], words[2][i], words[3][i]]);
                         out[i] = f32::from_bits(stream.next());
                         for (word, state) in words.iter_mut().zip(stream.0) {
                             word[i] = state;

@@ -1,17 +1,12 @@
 //! What can be known without a random number.
 
-use gauss_quad::GaussLegendre;
+use crate::chandrasekhar::{H, rule};
 use montecarlo::{
     Beam, Direction, Estimate, Incidence, Layer, LayeredMedium, Phase, Side, Simulation,
     TabulatedPhase, Tally, TallySpec, Walk, solid_angle,
 };
 use physics::{Medium, PhaseFunction, fresnel};
 use std::f64::consts::PI;
-use std::num::NonZeroUsize;
-
-fn rule(points: usize) -> GaussLegendre {
-    GaussLegendre::new(NonZeroUsize::new(points).unwrap())
-}
 
 fn assert_near(what: &str, got: Estimate, expected: f64) {
     let z = (got.value - expected) / got.u;
@@ -115,6 +110,56 @@ fn clear_slides_change_nothing_but_the_path() {
     }
 }
 
+/// Snell's law through two clear panes: where the straight beam comes out, at which angle, and how
+/// much of it.
+#[test]
+fn a_straight_beam_through_two_panes() {
+    let panes = [(1.2, 1.0), (1.6, 2.0)];
+    let layers = panes.map(|(eta, thickness)| Layer {
+        sigma_a: 0.0,
+        sigma_s: 1e-8,
+        phase: Phase::ISOTROPIC,
+        eta,
+        thickness_mm: Some(thickness),
+    });
+    let medium = LayeredMedium {
+        layers: layers.to_vec(),
+        eta_above: 1.0,
+        eta_below: 1.1,
+    };
+    let angle = 0.9_f64;
+    let sine = |eta: f64| angle.sin() / eta;
+    let cos = |eta: f64| (1.0 - sine(eta).powi(2)).sqrt();
+    let radius: f64 = panes.iter().map(|&(eta, t)| t * sine(eta) / cos(eta)).sum();
+    let pass = |near: f64, far: f64| 1.0 - fresnel::reflectance(far / near, cos(near));
+    let through = pass(1.0, 1.2) * pass(1.2, 1.6) * pass(1.6, 1.1);
+    let below = sine(1.1).asin();
+
+    let spec = TallySpec {
+        radius_mm: vec![0.0, radius - 1e-5, radius + 1e-5],
+        angle_bins: 180,
+        radius_and_angle: true,
+        ..TallySpec::default()
+    };
+    let direction = Direction::Collimated { angle };
+    let incidence = Incidence {
+        direction,
+        ..Incidence::PENCIL
+    };
+    for tally in run(medium, incidence, &spec, 200_000) {
+        let radii = tally.by_radius(Side::Below);
+        assert_near("within", radii.bins[0], 0.0);
+        assert_near("at the place", radii.bins[1], through);
+        let angles = tally.by_angle(Side::Below);
+        let bin = angles.edges.partition_point(|&edge| edge <= below) - 1;
+        let all = tally.transmittance().value;
+        assert!(
+            (angles.bins[bin].value - all).abs() < 1e-9,
+            "one angle for all: {below}"
+        );
+    }
+}
+
 /// Light that scatters once in a matched half-space: α ∫ p(−μ) 2π μ/(1 + μ) dμ, for every phase
 /// function. Hanrahan and Krueger (1993), section 5.1, integrated over depth and hemisphere.
 #[test]
@@ -153,45 +198,6 @@ fn single_scattering_of_every_phase_function() {
             let once = tally.by_order(Side::Above).bins[1];
             assert_near(&format!("{phase:?}"), once, expected);
         }
-    }
-}
-
-/// Chandrasekhar's H at `mu`, from its integral equation by iteration.
-struct H {
-    albedo: f64,
-    nodes: Vec<(f64, f64)>,
-    values: Vec<f64>,
-}
-
-impl H {
-    fn new(albedo: f64) -> Self {
-        let rule = rule(64);
-        let nodes: Vec<(f64, f64)> = rule
-            .iter()
-            .map(|&(x, w)| (0.5 * (x + 1.0), 0.5 * w))
-            .collect();
-        let mut h = Self {
-            albedo,
-            values: vec![1.0; nodes.len()],
-            nodes,
-        };
-        for _ in 0..200 {
-            // The mean of old and new: the bare iteration swings to and fro.
-            let next = h
-                .nodes
-                .iter()
-                .zip(&h.values)
-                .map(|(&(mu, _), old)| 0.5 * (old + h.at(mu)));
-            h.values = next.collect();
-        }
-        h
-    }
-
-    /// 1/H = √(1 − α) + α/2 ∫ μ′ H(μ′)/(μ + μ′) dμ′: Chandrasekhar (1950), chapter V, eq. 16.
-    fn at(&self, mu: f64) -> f64 {
-        let terms = self.nodes.iter().zip(&self.values);
-        let integral: f64 = terms.map(|(&(x, w), h)| w * x * h / (mu + x)).sum();
-        1.0 / ((1.0 - self.albedo).sqrt() + 0.5 * self.albedo * integral)
     }
 }
 

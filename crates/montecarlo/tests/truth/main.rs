@@ -1,6 +1,8 @@
 //! The walks against what others have found: closed forms, adding-doubling, MCML, and each other.
 
 #[cfg(test)]
+mod chandrasekhar;
+#[cfg(test)]
 mod closed_forms;
 #[cfg(test)]
 mod engine;

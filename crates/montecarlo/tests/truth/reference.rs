@@ -1,4 +1,4 @@
-//! The rows of `fixtures/adding-doubling.csv` as simulations.
+//! The rows of `fixtures/monte-carlo/adding-doubling.csv` as simulations.
 
 use montecarlo::{
     Beam, Direction, Incidence, InvalidSimulation, Layer, LayeredMedium, Phase, Simulation,
@@ -31,7 +31,7 @@ impl Row {
 
 /// All rows.
 pub(crate) fn adding_doubling() -> Vec<Row> {
-    let table = include_str!("../../../../fixtures/adding-doubling.csv");
+    let table = include_str!("../../../../fixtures/monte-carlo/adding-doubling.csv");
     table.lines().skip(1).map(row).collect()
 }
 

@@ -186,6 +186,12 @@ fn every_path_has_the_distributions_of_the_scalar_walk() {
                 "{name}: {}",
                 lanes.energy_error()
             );
+            // Roulette gives what it takes.
+            let roulette = lanes.roulette();
+            assert!(
+                roulette.value.abs() <= 4.5 * roulette.u,
+                "{name}, {path:?}: {roulette:?}"
+            );
             compare(&format!("{name}, {path:?}"), &lanes, &scalar);
         }
     }
