@@ -9,7 +9,7 @@ const CHUNKS: usize = 8;
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// 32 random bits.
+    /// Three times 32 random bits, as a scattering takes.
     RandomBits,
     /// −ln of a uniform number.
     Logarithm,
@@ -61,13 +61,11 @@ impl LaneLoop for Pass<'_> {
         for (words, out) in self.pieces.words.iter_mut().zip(&mut self.pieces.out) {
             match self.piece {
                 Piece::RandomBits => {
+                    let [a, b, c, d] = words;
                     for i in 0..WIDTH {
-                        let mut stream =
-                            Stream32([words[0][i], words[1][i], words[2][i], words[3][i]]);
-                        out[i] = f32::from_bits(stream.next());
-                        for (word, state) in words.iter_mut().zip(stream.0) {
-                            word[i] = state;
-                        }
+                        let mut stream = Stream32([a[i], b[i], c[i], d[i]]);
+                        out[i] = f32::from_bits(stream.next() ^ stream.next() ^ stream.next());
+                        [a[i], b[i], c[i], d[i]] = stream.0;
                     }
                 }
                 Piece::Logarithm => each(out, &words[0], minus_ln::<FMA>),
