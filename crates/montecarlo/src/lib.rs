@@ -2,8 +2,8 @@
 //!
 //! The random walk is the truth that diffusion theory approximates. Layers have an index of their
 //! own and may be clear; every interface follows Fresnel; beams have a width and an angle; every
-//! number comes with a standard error. A plain walk in double precision is
-//! the definition, the one in lanes its fast form, and tests tie the two together.
+//! number comes with a standard error. A plain walk in double precision is the definition, the one
+//! in lanes its fast form, and tests tie the two together.
 //!
 //! It leaves out polarisation, fluorescence, time (path lengths are there), rough boundaries and
 //! any shape but plane layers. It knows no files and prints nothing.

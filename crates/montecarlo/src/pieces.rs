@@ -2,15 +2,12 @@
 
 use crate::kernel::{Floats, WIDTH, minus_ln, random_direction, uniform};
 use crate::path::{LaneLoop, SimdPath};
-use crate::random::Stream32;
 
 const CHUNKS: usize = 8;
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// Three times 32 random bits, as a scattering takes.
-    RandomBits,
     /// −ln of a uniform number.
     Logarithm,
     /// Sine and cosine of a random angle.
@@ -24,14 +21,14 @@ pub enum Piece {
 /// As many lanes as a pool has, with random bits and results.
 #[derive(Debug)]
 pub struct Pieces {
-    words: [[[u32; WIDTH]; 4]; CHUNKS],
+    words: [[u32; WIDTH]; CHUNKS],
     out: [[f32; WIDTH]; CHUNKS],
 }
 
 impl Default for Pieces {
     fn default() -> Self {
         Self {
-            words: [[[0x9e37_79b9; WIDTH]; 4]; CHUNKS],
+            words: [[0x9e37_79b9; WIDTH]; CHUNKS],
             out: [[0.0; WIDTH]; CHUNKS],
         }
     }
@@ -58,23 +55,15 @@ struct Pass<'a> {
 impl LaneLoop for Pass<'_> {
     #[inline(always)]
     fn run<const FMA: bool>(self) {
-        for (words, out) in self.pieces.words.iter_mut().zip(&mut self.pieces.out) {
+        for (words, out) in self.pieces.words.iter().zip(&mut self.pieces.out) {
             match self.piece {
-                Piece::RandomBits => {
-                    let [a, b, c, d] = words;
-                    for i in 0..WIDTH {
-                        let mut stream = Stream32([a[i], b[i], c[i], d[i]]);
-                        out[i] = f32::from_bits(stream.next() ^ stream.next() ^ stream.next());
-                        [a[i], b[i], c[i], d[i]] = stream.0;
-                    }
-                }
-                Piece::Logarithm => each(out, &words[0], minus_ln::<FMA>),
-                Piece::SineAndCosine => each(out, &words[0], |bits| {
+                Piece::Logarithm => each(out, words, minus_ln::<FMA>),
+                Piece::SineAndCosine => each(out, words, |bits| {
                     let (cos, sin) = random_direction::<FMA>(bits);
                     cos + sin
                 }),
-                Piece::SquareRoot => each(out, &words[0], |bits| uniform(bits).sqrt()),
-                Piece::Division => each(out, &words[0], |bits| 1.0 / uniform(bits)),
+                Piece::SquareRoot => each(out, words, |bits| uniform(bits).sqrt()),
+                Piece::Division => each(out, words, |bits| 1.0 / uniform(bits)),
             }
         }
     }
