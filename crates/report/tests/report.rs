@@ -340,6 +340,7 @@ fn odd_numbers_leave_no_trace() {
                     wavelength_nm: Some(number),
                     model_curve: curve.collect(),
                     total_reflectance: number,
+                    monte_carlo: vec![],
                     truth: Some(Coefficients {
                         sigma_a: number,
                         sigma_s_prime: number,

@@ -174,7 +174,7 @@ fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> 
             materials_csv::write(&rows, &mut bytes).fault(file.display())?;
         }
         let name = file.display().to_string();
-        audit(&bytes, Some(name.clone()), &name, &mut document)?;
+        audit(&bytes, Some(&name), &name, &mut document)?;
     }
     if common.json {
         return print::json(out, &document);
@@ -199,7 +199,7 @@ fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> 
 
 fn audit(
     bytes: &[u8],
-    file: Option<String>,
+    file: Option<&str>,
     place: &str,
     document: &mut CheckDocument,
 ) -> Result<()> {
@@ -216,7 +216,7 @@ fn audit(
     document
         .findings
         .extend(findings.into_iter().map(|f| Finding {
-            file: file.clone(),
+            file: file.map(str::to_owned),
             material: f.material,
             channel: f.channel,
             excess: f.fault.excess(),

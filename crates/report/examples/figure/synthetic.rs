@@ -38,7 +38,6 @@ impl Synthetic {
 /// coefficients; its white reference is 0.4 % off.
 pub(crate) fn channel(
     name: &str,
-    monte_carlo: vec![],
     truth: Coefficients,
     eta: f64,
     seed: u64,
@@ -105,7 +104,6 @@ pub(crate) fn channel(
         .collect();
     let total_reflectance = model.within(fit.coefficients(), f64::INFINITY).value;
     Ok(Synthetic {
-        monte_carlo: vec![],
         truth,
         profile,
         fit,
