@@ -28,8 +28,16 @@ fn photograph_and_measure(material: &str, seed: u64) -> Vec<(Coefficients, Fit)>
     let sample = synthesis::sample_of(material).unwrap();
     let camera = synth::Camera::default();
     let target = folder.path().join("capture");
-    let manifest =
-        synthesis::write(&sample, camera, "dipole", seed, &target, false, &Silent).unwrap();
+    let manifest = synthesis::write(
+        &sample,
+        camera,
+        &library::ModelChoice::default(),
+        seed,
+        &target,
+        false,
+        &Silent,
+    )
+    .unwrap();
     let loaded = capture::load(&manifest).unwrap();
     let choices = Choices {
         confirm: false,

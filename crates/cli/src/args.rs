@@ -79,6 +79,9 @@ pub(crate) struct SynthArgs {
     /// Model that makes the light: dipole or jensen2001.
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
+    /// Mean cosine of the scattering angle, for a model that uses it.
+    #[arg(long, value_name = "G", allow_negative_numbers = true)]
+    pub(crate) g: Option<f64>,
     /// Camera, beam and reference as TOML; a laboratory's by default.
     #[arg(long, value_name = "FILE")]
     pub(crate) camera: Option<PathBuf>,
@@ -96,6 +99,9 @@ pub(crate) struct FitChoice {
     /// Model: dipole (exact F_dr) or jensen2001 (the paper's rational fit).
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
+    /// Mean cosine of the scattering angle, for a model that uses it.
+    #[arg(long, value_name = "G", allow_negative_numbers = true)]
+    pub(crate) g: Option<f64>,
     /// What the total reflectance does.
     #[arg(long, value_enum, default_value_t = ConstraintArg::Joint)]
     pub(crate) constraint: ConstraintArg,

@@ -456,7 +456,13 @@ fn the_readmes_commands_run() {
     let folder = tempfile::tempdir().unwrap();
     let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md");
     let text = fs::read_to_string(readme).unwrap();
-    let medium = text.split("# marble.toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let medium = text
+        .split("# marble.toml\n")
+        .nth(1)
+        .unwrap()
+        .split("```")
+        .next()
+        .unwrap();
     fs::write(folder.path().join("marble.toml"), medium).unwrap();
     let mut ran = 0;
     for block in text.split("```sh\n").skip(1) {

@@ -68,7 +68,7 @@ pub fn confirm(fit: &Fit, profile: &RadialProfile, given: &Given) -> Result<Opti
     let Some(edges) = contiguous_edges(profile) else {
         return Ok(None);
     };
-    let g = 0.0;
+    let g = given.model.g.unwrap_or(0.0);
     let c = fit.coefficients();
     let medium: Medium = ReducedMedium {
         sigma_a: c.sigma_a,

@@ -1,7 +1,7 @@
 //! The fit of every channel, with the uncertainty of what it took as given.
 
 use crate::error::{Blame, Error, Kind, Result};
-use crate::library;
+use crate::library::{self, ModelChoice};
 use fit::{Constraint, Contribution, Fit, FitOptions};
 use physics::footprint::Beam;
 use physics::{
@@ -13,8 +13,8 @@ use profile::Exit;
 /// What a fit takes as given, and how well each is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Given {
-    /// Name of the model.
-    pub model: String,
+    /// The model.
+    pub model: ModelChoice,
     /// What the total does.
     pub constraint: Constraint,
     /// First and last radius, mm; `None` lets the fit choose.
@@ -231,8 +231,8 @@ pub fn materials(fits: &[Fit], material: &str, given: &Given) -> Result<Vec<Mate
                 u_sigma_s_prime_per_mm: Some(fit.sigma_s_prime.u),
                 correlation: Some(fit.correlation),
                 total_reflectance: Some(model.beyond(fit.coefficients(), 0.0)),
-                g: None,
-                model: given.model.clone(),
+                g: given.model.g,
+                model: given.model.name.clone(),
                 source: format!("beamspot {}", env!("CARGO_PKG_VERSION")),
             }
         })

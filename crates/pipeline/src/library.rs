@@ -44,12 +44,32 @@ pub fn material(name: &str) -> Result<Vec<Material>> {
 /// The names of the models that a fit can use.
 pub const MODELS: [&str; 2] = ["dipole", "jensen2001"];
 
-/// The model called `name` at relative index `eta`.
+/// Which model, at every relative index.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelChoice {
+    /// Its name, one of [`MODELS`].
+    pub name: String,
+    /// Mean cosine of the scattering angle, where it is known.
+    pub g: Option<f64>,
+}
+
+impl Default for ModelChoice {
+    fn default() -> Self {
+        Self {
+            name: MODELS[0].to_owned(),
+            g: None,
+        }
+    }
+}
+
+/// The model of `choice` at relative index `eta`.
 ///
 /// # Errors
 ///
-/// A name that is not there is answered with those that are.
-pub fn model(name: &str, eta: f64) -> Result<Box<dyn ForwardModel>> {
+/// A name that is not there is answered with those that are; a g that the model does not use is
+/// refused, not ignored.
+pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
+    let name = choice.name.as_str();
     physics::ReducedMedium {
         sigma_a: 0.0,
         sigma_s_prime: 1.0,
@@ -57,6 +77,10 @@ pub fn model(name: &str, eta: f64) -> Result<Box<dyn ForwardModel>> {
     }
     .validated()
     .input("eta")?;
+    if let Some(g) = choice.g {
+        let message = format!("model {name} does not use g, got {g}: leave it out");
+        return Err(Error::new(Kind::Usage, message));
+    }
     match name {
         "dipole" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::Exact))),
         "jensen2001" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::RationalFit))),

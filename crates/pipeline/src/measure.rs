@@ -5,6 +5,7 @@ use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given};
+use crate::library::ModelChoice;
 use crate::monitor::Monitor;
 use fit::{Constraint, Fit};
 use formats::capture as manifest;
@@ -17,8 +18,8 @@ use std::collections::BTreeMap;
 /// What the caller of a measurement chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choices {
-    /// Name of the model.
-    pub model: String,
+    /// The model.
+    pub model: ModelChoice,
     /// What the total does.
     pub constraint: Constraint,
     /// First and last radius, mm; `None` lets the fit choose.
@@ -30,7 +31,7 @@ pub struct Choices {
 impl Default for Choices {
     fn default() -> Self {
         Self {
-            model: "dipole".to_owned(),
+            model: ModelChoice::default(),
             constraint: Constraint::Joint,
             range_mm: None,
             confirm: true,
@@ -289,7 +290,7 @@ impl Measurement {
             &self.fits,
             Some(self.material.clone()),
             self.given.eta,
-            &self.given.model,
+            &self.given.model.name,
             self.given.constraint,
             &self.radiance.inputs,
             &self.assumptions,

@@ -100,7 +100,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         material: &measurement.material,
         eta: measurement.given.eta,
         u_eta: measurement.given.u_eta,
-        model: &measurement.given.model,
+        model: &measurement.given.model.name,
         constraint: measurement.given.constraint,
         channels,
         warnings: vec![],

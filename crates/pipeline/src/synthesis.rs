@@ -2,7 +2,7 @@
 
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::Outputs;
-use crate::library;
+use crate::library::{self, ModelChoice};
 use crate::monitor::Monitor;
 use formats::capture as manifest;
 use physics::{Coefficients, ForwardModel};
@@ -98,7 +98,7 @@ fn file_name(shot: &Shot) -> String {
 pub fn write(
     sample: &Sample,
     camera: Camera,
-    model: &str,
+    model: &ModelChoice,
     seed: u64,
     folder: &Path,
     force: bool,

@@ -3,6 +3,7 @@
 use super::{measure::summary, print};
 use crate::args::{Common, DemoArgs};
 use pipeline::fit_json::FitDocument;
+use pipeline::library::ModelChoice;
 use pipeline::measure::{Choices, measure};
 use pipeline::{Error, Kind, Monitor, Result, capture, outputs, synthesis};
 use report::{significant, text_table, uncertain};
@@ -46,7 +47,7 @@ pub(crate) fn run(
     let manifest = synthesis::write(
         &sample,
         camera,
-        "dipole",
+        &ModelChoice::default(),
         SEED,
         &frames,
         common.force,

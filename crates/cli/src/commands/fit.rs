@@ -50,7 +50,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         );
     }
     let given = Given {
-        model: args.fit.model.clone(),
+        model: args.fit.model(),
         constraint,
         range_mm: args.fit.range,
         eta: args.eta,
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         &fits,
         None,
         args.eta,
-        &given.model,
+        &given.model.name,
         constraint,
         &inputs,
         &notes,

@@ -26,7 +26,7 @@ pub(crate) fn run(
     out: &mut impl Write,
 ) -> Result<()> {
     let choices = Choices {
-        model: args.fit.model.clone(),
+        model: args.fit.model(),
         constraint: args.fit.constraint.into(),
         range_mm: args.fit.range,
         confirm: !args.no_confirm,
@@ -119,7 +119,7 @@ pub(crate) fn summary(
         out,
         format!(
             "{material}, eta {}, model {}, constraint {constraint}",
-            given.eta, given.model
+            given.eta, given.model.name
         ),
     )?;
     print::fits(out, &measurement.fits)?;

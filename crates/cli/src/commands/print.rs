@@ -1,12 +1,13 @@
 //! What several commands print.
 
 use fit::{Constraint, Fit, Termination};
+use pipeline::library::ModelChoice;
 use pipeline::{Error, Kind, Result};
 use report::{at_most, significant, text_table, uncertain};
 use serde::Serialize;
 use std::io::Write;
 
-use crate::args::ConstraintArg;
+use crate::args::{ConstraintArg, FitChoice};
 
 impl From<ConstraintArg> for Constraint {
     fn from(arg: ConstraintArg) -> Self {
@@ -14,6 +15,16 @@ impl From<ConstraintArg> for Constraint {
             ConstraintArg::Exact => Self::Exact,
             ConstraintArg::Joint => Self::Joint,
             ConstraintArg::None => Self::None,
+        }
+    }
+}
+
+impl FitChoice {
+    /// The model that was asked for.
+    pub(crate) fn model(&self) -> ModelChoice {
+        ModelChoice {
+            name: self.model.clone(),
+            g: self.g,
         }
     }
 }

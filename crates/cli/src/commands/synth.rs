@@ -2,6 +2,7 @@
 
 use super::print;
 use crate::args::{Common, SynthArgs};
+use pipeline::library::ModelChoice;
 use pipeline::{Monitor, Result, synthesis};
 use serde::Serialize;
 use std::io::Write;
@@ -24,6 +25,7 @@ pub(crate) fn run(
         material,
         medium,
         model,
+        g,
         camera,
         seed,
         output,
@@ -37,7 +39,19 @@ pub(crate) fn run(
         Some(path) => synthesis::camera_from(path)?,
         None => synth::Camera::default(),
     };
-    let capture = synthesis::write(&sample, camera, model, *seed, output, common.force, monitor)?;
+    let model = ModelChoice {
+        name: model.clone(),
+        g: *g,
+    };
+    let capture = synthesis::write(
+        &sample,
+        camera,
+        &model,
+        *seed,
+        output,
+        common.force,
+        monitor,
+    )?;
     let capture = capture.display().to_string();
     if common.json {
         let schema_version = pipeline::fit_json::SCHEMA_VERSION;
