@@ -77,7 +77,8 @@ fn an_arrow_that_goes_up_or_sideways_is_seen() {
     assert!(offences("cli", sideways).is_empty());
 }
 
-/// The ground and the middle print nothing, open nothing and parse no arguments.
+/// The ground and the middle open nothing and parse no arguments; that they print nothing is a
+/// lint of the workspace.
 #[test]
 fn only_the_roof_knows_files() {
     for (name, floor) in floors() {
@@ -93,7 +94,7 @@ fn only_the_roof_knows_files() {
                     continue;
                 }
                 let text = std::fs::read_to_string(&path).unwrap();
-                for word in ["std::fs", "std::path", "println!", "clap::", "std::thread"] {
+                for word in ["std::fs", "std::path", "clap::", "std::thread"] {
                     assert!(!text.contains(word), "{} uses {word}", path.display());
                 }
             }

@@ -359,7 +359,12 @@ fn wrong_usage() {
         2,
         &["tripole", "dipole, jensen2001"],
     );
-    refused(path, &fit(&["--g", "0.8"]), 2, &["dipole", "does not use g"]);
+    refused(
+        path,
+        &fit(&["--g", "0.8"]),
+        2,
+        &["dipole", "does not use g"],
+    );
     refused(
         path,
         &["fit", "profile.csv", "--eta", "15"],
