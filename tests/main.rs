@@ -5,5 +5,6 @@
     reason = "a failed step of a test is a failed test"
 )]
 
+mod camera;
 mod floors;
 mod recovery;

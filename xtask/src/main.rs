@@ -53,6 +53,14 @@ fn ci() -> Result<()> {
 /// Runs the Python tests against the release build.
 fn python() -> Result<()> {
     cargo(&["build", "--release"])?;
+    cargo(&[
+        "build",
+        "--release",
+        "--package",
+        "beamspot-pipeline",
+        "--example",
+        "response",
+    ])?;
     let target =
         env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let venv = target.join("python");
@@ -80,11 +88,13 @@ fn python() -> Result<()> {
         &bin,
         ["-m", "pytest", "-p", "no:cacheprovider", "tests/python"],
     );
-    let beamspot = target
-        .join("release")
-        .join(format!("beamspot{}", env::consts::EXE_SUFFIX));
+    let built = |name: &str| {
+        let file = format!("{name}{}", env::consts::EXE_SUFFIX);
+        target.join("release").join(file)
+    };
     run(pytest
-        .env("BEAMSPOT_BIN", beamspot)
+        .env("BEAMSPOT_BIN", built("beamspot"))
+        .env("BEAMSPOT_RESPONSE", built("examples/response"))
         .env("PYTHONDONTWRITEBYTECODE", "1"))
 }
 

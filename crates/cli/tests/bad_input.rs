@@ -373,10 +373,21 @@ fn wrong_usage() {
     );
 }
 
+/// One exposure alone does not show how the noise grows with the light.
 #[test]
-fn a_manifest_without_the_noise_of_the_sensor() {
-    let edit = |text: &str| text.replacen("read_noise_e", "# read_noise_e", 1);
-    manifest_refused(edit, &["capture.toml", "camera.read_noise_e"]);
+fn a_camera_that_the_frames_do_not_show() {
+    let edit = |text: &str| {
+        let kept: Vec<&str> = text
+            .lines()
+            .filter(|line| !line.starts_with("gain_e_per_dn"))
+            .filter(|line| !line.contains("{ file") || line.contains("_01.tif"))
+            .collect();
+        kept.join("\n")
+    };
+    manifest_refused(
+        edit,
+        &["capture.toml", "camera.gain_e_per_dn", "two frames"],
+    );
 }
 
 #[test]

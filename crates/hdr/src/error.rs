@@ -87,3 +87,37 @@ pub enum MergeError {
     #[error("photo-response non-uniformity must be at least 0 and finite, got {0}")]
     Prnu(f64),
 }
+
+/// Frames that do not say what a sensor is like.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum EstimateError {
+    /// A frame or a dark cannot be used.
+    #[error(transparent)]
+    Frame(#[from] MergeError),
+    /// There is no dark.
+    #[error("no dark frame: a black level needs at least one")]
+    NoDarks,
+    /// The black level is cut off at 0.
+    #[error(
+        "{:.1} % of a dark frame is 0 DN: black is cut off, so that its level and its noise cannot \
+         be estimated; set an offset in the camera, or give all numbers of the camera",
+        100.0 * share
+    )]
+    BlackClipped {
+        /// Share of its samples at 0.
+        share: f64,
+    },
+    /// No pixel is well exposed in two frames.
+    #[error(
+        "no two frames show the same pixels unsaturated: gain and read noise cannot be estimated; \
+         take exposures that at most double, or give them"
+    )]
+    NoOverlap,
+    /// The noise does not grow with the light.
+    #[error(
+        "the noise does not grow with the light: these frames are not what a linear sensor gave \
+         (were they smoothed, resized or compressed?); give gain and read noise"
+    )]
+    NoPhotonNoise,
+}

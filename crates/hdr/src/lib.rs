@@ -6,20 +6,29 @@
 //! zero stay as they are: clipping either would bias the dark end of the picture.
 //!
 //! Frames pass one by one, so that memory does not grow with their number. This crate reads no
-//! file, finds no exposure time and estimates no gain: [`physics::Sensor`] says what is known.
+//! file and finds no exposure time. [`physics::Sensor`] says what is known of the camera;
+//! [`estimate`] finds what is not.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`dark`] | [`DarkFrame`]: what the sensor shows without light |
 //! | [`merge`] | [`Merge`]: the sum over exposures, and its [`MergeReport`] |
-//! | [`error`] | [`MergeError`] |
+//! | [`estimate`] | gain, read noise, black and white level from the frames themselves |
+//! | [`overlap`] | what frames say of each other: measured exposures, shifts |
+//! | [`response`] | the curve of a camera that gives 8 bits |
+//! | [`error`] | [`MergeError`], [`EstimateError`] |
 
 pub mod dark;
 pub mod error;
+pub mod estimate;
 mod hot;
 pub mod merge;
+mod net;
+pub mod overlap;
 mod predict;
+pub mod response;
 
 pub use dark::{DarkFrame, matching_dark};
-pub use error::MergeError;
+pub use error::{EstimateError, MergeError};
 pub use merge::{ChannelReport, FrameReport, Merge, MergeReport};
+pub use overlap::{Comparison, Overlap};

@@ -112,7 +112,24 @@ impl Merge {
         dark: &DarkFrame,
         exposure_s: f64,
     ) -> Result<(), MergeError> {
+        self.add_measured(frame, dark, exposure_s, exposure_s)
+    }
+
+    /// The same for a frame that is stated to be of `exposure_s`, by which it is matched with its
+    /// dark, and is known to be of `measured_s`, by which it counts: see [`crate::overlap`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::add`].
+    pub fn add_measured(
+        &mut self,
+        frame: &Frame,
+        dark: &DarkFrame,
+        exposure_s: f64,
+        measured_s: f64,
+    ) -> Result<(), MergeError> {
         check_exposure(exposure_s)?;
+        check_exposure(measured_s)?;
         check_frame(frame)?;
         check_size(frame, self.size)?;
         if dark.size() != self.size {
@@ -151,7 +168,7 @@ impl Merge {
         let row = width * channels;
         let span = sensor.white_level_dn - sensor.black_level_dn;
         let step = Step {
-            exposure: exposure_s as f32,
+            exposure: measured_s as f32,
             per_dark: 1.0 / dark.count() as f32,
             white: sensor.white_level_dn as f32,
             neighbours_limit: (sensor.black_level_dn + PREDICTED_FULL * span) as f32,

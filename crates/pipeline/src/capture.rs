@@ -5,7 +5,8 @@ use crate::files;
 use crate::monitor::Monitor;
 use formats::capture::FrameEntry;
 use formats::{Capture, decode_frame, parse_capture};
-use hdr::{DarkFrame, Merge, MergeReport};
+use hdr::overlap::Placed;
+use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
 use physics::{Frame, RadianceMap, Sensor};
 use std::path::{Path, PathBuf};
 
@@ -78,6 +79,30 @@ pub struct Merged {
     pub report: MergeReport,
     /// Every frame and dark.
     pub inputs: Vec<Input>,
+    /// What the frames say of each other.
+    pub comparison: Comparison,
+    /// Whether the measured exposures took the place of the nominal ones.
+    pub uses_measured: bool,
+}
+
+/// Relative deviation of an exposure that no shutter makes.
+const WRONG_EXPOSURE: f64 = 0.2;
+
+/// Relative deviation of an exposure from which it is named.
+const NAMED_EXPOSURE: f64 = 0.02;
+
+/// Shift of a frame that is too much, px.
+const SHIFTED_PX: f64 = 0.2;
+
+/// Passes interruptions on and says nothing of its progress.
+struct Quiet<'a>(&'a dyn Monitor);
+
+impl Monitor for Quiet<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+    fn step(&self) {}
+    fn stopped(&self) -> bool {
+        self.0.stopped()
+    }
 }
 
 /// Reads the manifest `path`.
@@ -114,65 +139,114 @@ impl Loaded {
         frames.chain([self.input.path.clone()]).collect()
     }
 
-    /// What the manifest says of the sensor.
-    ///
-    /// # Errors
-    ///
-    /// A number that the noise model needs is missing.
-    pub fn sensor(&self) -> Result<Sensor> {
-        let camera = &self.capture.camera;
-        let need = |value: Option<f64>, field: &str, how: &str| {
-            value.ok_or_else(|| {
-                let message = format!(
-                    "{}: field `camera.{field}` is missing: {how}",
-                    self.input.path.display()
-                );
-                Error::new(Kind::Input, message)
-            })
-        };
-        Ok(Sensor {
-            gain_e_per_dn: need(
-                camera.gain_e_per_dn,
-                "gain_e_per_dn",
-                "expected the electrons per count, from the camera's data sheet",
-            )?,
-            read_noise_e: need(
-                camera.read_noise_e,
-                "read_noise_e",
-                "expected the standard deviation of a read-out in electrons, from the data sheet",
-            )?,
-            black_level_dn: need(
-                camera.black_level_dn,
-                "black_level_dn",
-                "expected the count of a short dark frame",
-            )?,
-            white_level_dn: need(
-                camera.white_level_dn,
-                "white_level_dn",
-                "expected the count at which a pixel saturates",
-            )?,
-            prnu_relative: camera.prnu_relative,
-        })
-    }
-
     /// Merges the frames of `subject`, one exposure after the other.
     ///
     /// # Errors
     ///
     /// A frame is missing, damaged or of another size, or the merge has nothing to go by. The
     /// error names the file, or the field of the manifest.
-    pub fn merge(&self, subject: Subject, monitor: &dyn Monitor) -> Result<Merged> {
-        let sensor = self.sensor()?;
-        let (frames, darks) = match subject {
-            Subject::Sample => (&self.capture.sample.frames, &self.capture.sample.dark),
-            Subject::Reference => (&self.capture.reference.frames, &self.capture.reference.dark),
+    pub fn merge(
+        &self,
+        subject: Subject,
+        sensor: &Sensor,
+        monitor: &dyn Monitor,
+    ) -> Result<Merged> {
+        let mut overlap = Overlap::new(sensor);
+        let merged = self.merge_as(subject, sensor, monitor, |entry, _, frame, dark| {
+            overlap
+                .add(frame, dark, entry.exposure_s)
+                .input(self.place(&entry.file))?;
+            Ok(entry.exposure_s)
+        })?;
+        let comparison = overlap.finish();
+        self.check_frames(subject, &comparison)?;
+        let uses_measured = comparison.prefers_measured();
+        let (map, report, inputs) = if uses_measured {
+            // The frames once more, each as long as the others say that it was.
+            self.merge_as(subject, sensor, &Quiet(monitor), |_, index, _, _| {
+                Ok(comparison.frames[index].measured_s)
+            })?
+        } else {
+            merged
         };
-        let mut order: Vec<&FrameEntry> = frames.iter().collect();
-        order.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
-        let mut inputs = Vec::with_capacity(frames.len() + darks.len());
+        Ok(Merged {
+            map,
+            report,
+            inputs,
+            comparison,
+            uses_measured,
+        })
+    }
+
+    /// One pass over the frames; `exposure` says how long each was exposed.
+    fn merge_as(
+        &self,
+        subject: Subject,
+        sensor: &Sensor,
+        monitor: &dyn Monitor,
+        mut exposure: impl FnMut(&FrameEntry, usize, &Frame, &DarkFrame) -> Result<f64>,
+    ) -> Result<(RadianceMap, MergeReport, Vec<Input>)> {
         let mut merge: Option<Merge> = None;
+        let inputs = self.with_darks(subject, monitor, |entry, frame, dark, index| {
+            let merge = match &mut merge {
+                Some(merge) => merge,
+                none => none.insert(
+                    Merge::new(frame.width, frame.height, frame.channels, sensor)
+                        .input(self.place(&entry.file))?,
+                ),
+            };
+            let measured_s = exposure(entry, index, frame, dark)?;
+            merge
+                .add_measured(frame, dark, entry.exposure_s, measured_s)
+                .input(self.place(&entry.file))
+        })?;
+        let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
+        let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
+        let (map, report) = merge.finish().input(place)?;
+        Ok((map, report, inputs))
+    }
+
+    /// Refuses a frame that does not belong to the others.
+    fn check_frames(&self, subject: Subject, comparison: &Comparison) -> Result<()> {
+        let entries = by_exposure(self.entries(subject).0);
+        for (entry, placed) in entries.iter().zip(&comparison.frames) {
+            let place = self.place(&entry.file);
+            if placed.is_off(WRONG_EXPOSURE) {
+                let message = format!(
+                    "{place}: exposed {:.4} s as compared with the other frames of {}, and                      exposure_s = {}: expected the same within {:.0} %; correct exposure_s, or                      leave the frame out if light or aperture changed",
+                    placed.measured_s,
+                    subject.field(),
+                    placed.nominal_s,
+                    100.0 * WRONG_EXPOSURE
+                );
+                return Err(Error::new(Kind::Input, message));
+            }
+            if let Some(length) = placed.shifted(SHIFTED_PX) {
+                let [x, y] = placed.shift_px;
+                let message = format!(
+                    "{place}: shifted by {length:.2} px ({:+.2} right, {:+.2} down) against the                      other frames of {}: expected less than {SHIFTED_PX} px; fix camera and sample,                      and leave the frame out",
+                    x.value,
+                    y.value,
+                    subject.field()
+                );
+                return Err(Error::new(Kind::Input, message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands every frame of `subject` with its dark and its number to `each`, by increasing
+    /// exposure, and returns what was read.
+    pub(crate) fn with_darks(
+        &self,
+        subject: Subject,
+        monitor: &dyn Monitor,
+        mut each: impl FnMut(&FrameEntry, &Frame, &DarkFrame, usize) -> Result<()>,
+    ) -> Result<Vec<Input>> {
+        let (frames, darks) = self.entries(subject);
+        let mut inputs = Vec::with_capacity(frames.len() + darks.len());
         let mut dark: Option<DarkFrame> = None;
-        for entry in order {
+        for (index, entry) in by_exposure(frames).into_iter().enumerate() {
             monitor.check()?;
             // Frames of one exposure share their dark.
             if dark
@@ -183,26 +257,21 @@ impl Loaded {
             }
             let dark = dark.as_ref().expect("it was made just above");
             let frame = self.frame(entry, &mut inputs)?;
-            let merge = match &mut merge {
-                Some(merge) => merge,
-                none => none.insert(
-                    Merge::new(frame.width, frame.height, frame.channels, &sensor)
-                        .input(self.place(&entry.file))?,
-                ),
-            };
-            merge
-                .add(&frame, dark, entry.exposure_s)
-                .input(self.place(&entry.file))?;
+            each(entry, &frame, dark, index)?;
             monitor.step();
         }
-        let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
-        let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
-        let (map, report) = merge.finish().input(place)?;
-        Ok(Merged {
-            map,
-            report,
-            inputs,
-        })
+        Ok(inputs)
+    }
+
+    /// The frames and the darks of `subject`.
+    pub(crate) fn entries(&self, subject: Subject) -> (&[FrameEntry], &[FrameEntry]) {
+        let Capture {
+            sample, reference, ..
+        } = &self.capture;
+        match subject {
+            Subject::Sample => (&sample.frames, &sample.dark),
+            Subject::Reference => (&reference.frames, &reference.dark),
+        }
     }
 
     /// The mean of the darks that serve `entry`.
@@ -229,7 +298,7 @@ impl Loaded {
         })
     }
 
-    fn frame(&self, entry: &FrameEntry, inputs: &mut Vec<Input>) -> Result<Frame> {
+    pub(crate) fn frame(&self, entry: &FrameEntry, inputs: &mut Vec<Input>) -> Result<Frame> {
         let path = self.folder.join(&entry.file);
         let bytes = files::read(&path)?;
         let frame = decode_frame(&bytes).input(path.display())?;
@@ -237,18 +306,72 @@ impl Loaded {
         Ok(frame)
     }
 
-    fn place(&self, file: &str) -> String {
+    pub(crate) fn place(&self, file: &str) -> String {
         self.folder.join(file).display().to_string()
     }
 
     /// How many frames of `subject` there are to read, darks included.
     pub fn frame_count(&self, subject: Subject) -> u64 {
-        let (frames, dark) = match subject {
-            Subject::Sample => (&self.capture.sample.frames, &self.capture.sample.dark),
-            Subject::Reference => (&self.capture.reference.frames, &self.capture.reference.dark),
-        };
+        let (frames, dark) = self.entries(subject);
         (frames.len() + dark.len()) as u64
     }
+}
+
+/// `frames` by increasing exposure.
+pub(crate) fn by_exposure(frames: &[FrameEntry]) -> Vec<&FrameEntry> {
+    let mut order: Vec<&FrameEntry> = frames.iter().collect();
+    order.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
+    order
+}
+
+/// What the frames say of each other's exposures, in sentences.
+pub fn exposure_lines(subject: Subject, merged: &Merged) -> Vec<String> {
+    let what = subject.field();
+    let frames = &merged.comparison.frames;
+    let percent = |f: &Placed| {
+        let (found, u) = (100.0 * f.deviation().exp_m1(), 100.0 * f.u_relative);
+        format!("{found:+.2} ± {u:.2} %")
+    };
+    let mut lines: Vec<String> = frames
+        .iter()
+        .filter(|f| f.is_off(NAMED_EXPOSURE))
+        .map(|f| {
+            let off = percent(f);
+            format!(
+                "{what}, {} s: exposed {off} against what is stated",
+                f.nominal_s
+            )
+        })
+        .collect();
+    let list = |scale: &str| {
+        let each: Vec<String> = frames
+            .iter()
+            .map(|f| format!("{} s {}", f.nominal_s, percent(f)))
+            .collect();
+        format!(
+            "{what}: exposures measured from the overlap of the frames{scale}: {}",
+            each.join(", ")
+        )
+    };
+    if merged.uses_measured {
+        lines.push(list(" took the place of the stated ones"));
+    } else if merged.comparison.links.iter().any(|l| l.ratio.is_some()) {
+        lines.push(list(" agree with the stated ones, which were used"));
+    }
+    let unseen = merged
+        .comparison
+        .links
+        .iter()
+        .filter(|l| l.ratio.is_none())
+        .count();
+    if unseen > 0 {
+        lines.push(format!(
+            "{what}: {unseen} of {} steps between exposures could not be measured: the frames do \
+             not overlap enough",
+            merged.comparison.links.len()
+        ));
+    }
+    lines
 }
 
 /// What was dropped in a merge, in sentences.

@@ -9,6 +9,7 @@
 //! | [`monitor`] | progress out, interruption in |
 //! | [`files`] | reading with names, writing whole or not at all |
 //! | [`capture`] | a manifest with its frames: loading, hashing, merging |
+//! | [`sensing`] | the numbers of the camera, stated or found |
 //! | [`measure`] | the main job: frames to materials |
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
 //! | [`confirm`] | a fit against counted photons |
@@ -28,6 +29,7 @@ pub mod library;
 pub mod measure;
 pub mod monitor;
 pub mod outputs;
+pub mod sensing;
 pub mod simulation;
 pub mod synthesis;
 

@@ -1,12 +1,13 @@
 //! The main job: frames to materials.
 
-use crate::capture::{Input, Loaded, Merged, Subject, merge_lines};
+use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
 use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given};
 use crate::library::ModelChoice;
 use crate::monitor::Monitor;
+use crate::sensing::{Found, Sensing};
 use fit::{Constraint, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
@@ -50,6 +51,8 @@ pub struct Radiance {
     pub inputs: Vec<Input>,
     /// What was dropped, and where, in sentences.
     pub merge_lines: Vec<String>,
+    /// What the manifest left out of the camera and the frames had to say, in sentences.
+    pub estimated: Vec<String>,
 }
 
 /// Everything that a measurement finds.
@@ -79,12 +82,12 @@ pub struct Measurement {
 ///
 /// See [`Loaded::merge`]; the reference must show a spot with room around it.
 pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
-    loaded.sensor()?;
+    let Sensing { sensor, found } = loaded.sensing(monitor)?;
     let steps = loaded.frame_count(Subject::Sample) + loaded.frame_count(Subject::Reference);
     monitor.begin("merging", steps);
     let (sample, reference) = rayon::join(
-        || loaded.merge(Subject::Sample, monitor),
-        || loaded.merge(Subject::Reference, monitor),
+        || loaded.merge(Subject::Sample, &sensor, monitor),
+        || loaded.merge(Subject::Reference, &sensor, monitor),
     );
     let (sample, reference) = (sample?, reference?);
     let count = |merged: &Merged| merged.map.channels.len();
@@ -97,8 +100,17 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         );
         return Err(Error::new(Kind::Input, message));
     }
-    let mut merge_lines = merge_lines(Subject::Sample, &sample);
-    merge_lines.extend(self::merge_lines(Subject::Reference, &reference));
+    let mut merge_lines = vec![];
+    for (subject, merged) in [(Subject::Sample, &sample), (Subject::Reference, &reference)] {
+        merge_lines.extend(exposure_lines(subject, merged));
+        merge_lines.extend(capture::merge_lines(subject, merged));
+    }
+    // Each picture is on the scale of its own median exposure.
+    let u_exposure = if sample.uses_measured || reference.uses_measured {
+        hdr::overlap::u_between(&sample.comparison, &reference.comparison)
+    } else {
+        0.0
+    };
 
     let capture = &loaded.capture;
     let mut scales = vec![];
@@ -122,15 +134,24 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             medium,
             exit: exit(capture),
         };
-        let scale =
+        let mut scale =
             profile::reference_scale(white, reference.map.width, reference.map.height, &options)
                 .input(format!(
                     "{}: reference, channel {}",
                     loaded.input.path.display(),
                     white.name
                 ))?;
+        scale.u_relative = scale.u_relative.hypot(u_exposure);
         channels.push(channel.scaled(scale.factor_per_mm2));
         scales.push(scale);
+    }
+    let mut estimated: Vec<String> = found.iter().map(Found::line).collect();
+    if u_exposure > 0.0 {
+        estimated.push(format!(
+            "exposures are off by more than chance: those measured from the overlap of the frames \
+             were used, and {:.2} % were added to u of the scale, which they leave open",
+            100.0 * u_exposure
+        ));
     }
     let mut inputs = vec![loaded.input.clone()];
     inputs.extend(sample.inputs);
@@ -145,6 +166,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         scales,
         inputs,
         merge_lines,
+        estimated,
     })
 }
 
@@ -256,7 +278,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let materials = fitting::materials(&fits, &capture.material, &given)?;
     Ok(Measurement {
         material: capture.material.clone(),
-        assumptions: assumptions(capture),
+        assumptions: assumptions(capture, &radiance.estimated),
         radiance,
         measured,
         given,
@@ -341,7 +363,7 @@ fn given(capture: &manifest::Capture, choices: &Choices) -> Given {
     }
 }
 
-fn assumptions(capture: &manifest::Capture) -> Vec<String> {
+fn assumptions(capture: &manifest::Capture, estimated: &[String]) -> Vec<String> {
     let mut lines = vec![(
         "u holds noise, white reference, eta, length and beam; not the error of the model itself, \
          which for the dipole is about 6 % of sigma_a and sigma_s' in bright materials and tens of \
@@ -353,6 +375,7 @@ fn assumptions(capture: &manifest::Capture) -> Vec<String> {
             .iter()
             .map(|a| format!("{} was not given; {} was assumed", a.field, a.value)),
     );
+    lines.extend_from_slice(estimated);
     if capture.reference.sigma_s_prime_per_mm.is_none() {
         lines.push(
             "the white reference was taken as an ideal surface; a translucent one loses 1 % of its \

@@ -128,6 +128,9 @@ pub struct Camera {
     pub channels: Channels,
     /// Exposure times, s. Default: 13 from 1 ms to 4 s, each about twice the last.
     pub exposures_s: Vec<f64>,
+    /// Standard deviation of the shutter: every frame with the beam on is exposed longer or
+    /// shorter by its own draw, relative to what the manifest states. Default 0.
+    pub exposure_error_relative: f64,
     /// Frames with the beam blocked for every frame with the beam on. Default 1.
     pub darks_per_exposure: usize,
     /// Bits of the converter: 16 (the default), or 12, right-aligned.
@@ -182,6 +185,7 @@ impl Default for Camera {
             exposures_s: vec![
                 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0,
             ],
+            exposure_error_relative: 0.0,
             darks_per_exposure: 1,
             bits: 16,
             gain_e_per_dn: None,
@@ -299,6 +303,13 @@ impl Camera {
                 self.darks_per_exposure as f64,
                 0.0,
                 1000.0,
+            ),
+            // An exposure seven deviations off is still above 0.
+            (
+                "exposure_error_relative",
+                self.exposure_error_relative,
+                0.0,
+                0.1,
             ),
             ("full_well_e", self.full_well_e, 100.0, 1e7),
             ("gain_e_per_dn", self.gain_e_per_dn(), 1e-3, 1e5),

@@ -222,9 +222,28 @@ impl Capture {
             width: self.camera.width,
             height: self.camera.height,
             channels: self.camera.channels.count(),
-            samples: self
-                .pixels
-                .expose(light, shot.exposure_s, self.truth.seed, identity),
+            samples: self.pixels.expose(
+                light,
+                shot.exposure_s * self.shutter(shot),
+                self.truth.seed,
+                identity,
+            ),
+        }
+    }
+
+    /// How long the shutter really is open, over what is stated.
+    fn shutter(&self, shot: &Shot) -> f64 {
+        match shot.role {
+            Role::Sample | Role::Reference => {
+                let identity = [
+                    Purpose::Shutter as u64,
+                    shot.role as u64,
+                    shot.exposure as u64,
+                ];
+                let mut rng = stream(self.truth.seed, &identity);
+                1.0 + self.camera.exposure_error_relative * normal(&mut rng)
+            }
+            Role::SampleDark | Role::ReferenceDark => 1.0,
         }
     }
 }

@@ -20,6 +20,7 @@ pub(crate) enum Purpose {
     Reflectance = 3,
     Eta = 4,
     Scale = 5,
+    Shutter = 6,
 }
 
 /// One sensor with its own pixels: the same in every shot.

@@ -1,0 +1,163 @@
+//! A frame less its dark, and what two of them say of each other.
+
+use crate::dark::{DarkFrame, check_exposure, check_frame, check_size};
+use crate::error::MergeError;
+use physics::Frame;
+
+/// Share of the range from black to white up to which two frames are compared: beyond it many a
+/// sensor bends, and noise reaches the white level.
+const FULL: f64 = 0.9;
+
+/// Samples of a frame that are enough to compare it with another. Of a larger one, bands of rows
+/// are taken, high enough for the gradients of a shift.
+const ENOUGH: usize = 1 << 20;
+
+/// Rows of a band.
+const BAND: usize = 8;
+
+/// At most so many bands are skipped between two: a small bright spot must not fall between.
+const SKIP: usize = 7;
+
+/// The rows of a frame of this size by which it is compared.
+fn rows((width, height, channels): (usize, usize, usize)) -> impl Iterator<Item = usize> {
+    let samples = width * height * channels;
+    let step = samples.div_ceil(ENOUGH).clamp(1, SKIP + 1);
+    (0..height).filter(move |row| (row / BAND).is_multiple_of(step))
+}
+
+/// A frame less its dark, in DN, and the dark itself. A saturated sample is NaN, which no
+/// comparison lets through; so is a row that is not looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Net {
+    pub(crate) size: (usize, usize, usize),
+    pub(crate) exposure_s: f64,
+    pub(crate) value: Vec<f32>,
+    pub(crate) dark: Vec<f32>,
+    pub(crate) darks: u32,
+}
+
+impl Net {
+    /// `frame` less `dark`; samples at or above `white_dn` are saturated.
+    pub(crate) fn new(
+        frame: &Frame,
+        dark: &DarkFrame,
+        exposure_s: f64,
+        white_dn: f64,
+    ) -> Result<Self, MergeError> {
+        check_exposure(exposure_s)?;
+        check_frame(frame)?;
+        check_size(frame, dark.size())?;
+        let per_dark = 1.0 / dark.count() as f32;
+        let white = white_dn as f32;
+        let mut value = vec![f32::NAN; frame.samples.len()];
+        let mut dark_mean = vec![0.0; frame.samples.len()];
+        let length = frame.width * frame.channels;
+        for row in rows(dark.size()) {
+            let here = row * length..(row + 1) * length;
+            let samples = frame.samples[here.clone()]
+                .iter()
+                .zip(&dark.sum()[here.clone()]);
+            let into = value[here.clone()].iter_mut().zip(&mut dark_mean[here]);
+            for ((value, mean), (sample, sum)) in into.zip(samples) {
+                let sample = f32::from(*sample);
+                *mean = sum * per_dark;
+                *value = if sample < white {
+                    sample - *mean
+                } else {
+                    f32::NAN
+                };
+            }
+        }
+        Ok(Self {
+            size: dark.size(),
+            exposure_s,
+            value,
+            dark: dark_mean,
+            darks: dark.count(),
+        })
+    }
+}
+
+/// Two exposures of one scene, sample by sample.
+#[derive(Clone, Copy)]
+pub(crate) struct Pair<'a> {
+    pub(crate) short: &'a Net,
+    pub(crate) long: &'a Net,
+    limit_dn: f32,
+}
+
+/// One sample of a pair.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Both {
+    /// Its row.
+    pub(crate) row: usize,
+    /// Where it is among the interleaved samples of the row.
+    pub(crate) at: usize,
+    /// Where it is among the interleaved samples of the frame.
+    pub(crate) index: usize,
+    /// What the samples beside it in the row let expect of the long frame, DN over dark.
+    pub(crate) expected: f32,
+    /// The short frame, DN over dark.
+    pub(crate) short: f32,
+    /// The long frame, DN over dark.
+    pub(crate) long: f32,
+}
+
+impl<'a> Pair<'a> {
+    /// Two frames of one size.
+    pub(crate) fn new(
+        short: &'a Net,
+        long: &'a Net,
+        black_dn: f64,
+        white_dn: f64,
+    ) -> Result<Self, MergeError> {
+        if short.size != long.size {
+            return Err(MergeError::Size {
+                found: long.size,
+                expected: short.size,
+            });
+        }
+        Ok(Self {
+            short,
+            long,
+            limit_dn: (black_dn + FULL * (white_dn - black_dn)) as f32,
+        })
+    }
+
+    /// The long exposure over the short one, as stated.
+    pub(crate) fn nominal_ratio(&self) -> f64 {
+        self.long.exposure_s / self.short.exposure_s
+    }
+
+    /// Hands every sample that both frames measured, with room to the white level, to `each`.
+    ///
+    /// Which ones these are is judged by the neighbours in the row, never by the sample itself:
+    /// a choice by its own noise would bias whatever is made of the chosen.
+    pub(crate) fn for_each(&self, mut each: impl FnMut(Both)) {
+        let (width, _, channels) = self.short.size;
+        let length = width * channels;
+        let share = (self.long.exposure_s / (self.long.exposure_s + self.short.exposure_s)) as f32;
+        for row in rows(self.short.size) {
+            let start = row * length;
+            let here = start..start + length;
+            let short = &self.short.value[here.clone()];
+            let long = &self.long.value[here.clone()];
+            let dark = &self.long.dark[here];
+            let of = |at: usize| short[at] + long[at];
+            for at in channels..length.saturating_sub(channels) {
+                let expected = 0.5 * share * (of(at - channels) + of(at + channels));
+                // NaN fails here as well.
+                if expected + dark[at] <= self.limit_dn && !of(at).is_nan() {
+                    each(Both {
+                        row,
+                        at,
+                        index: start + at,
+                        expected,
+                        short: short[at],
+                        long: long[at],
+                    });
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! What frames of different exposure say of one another: how long they really were exposed, and
+//! whether the scene moved between them.
+//!
+//! Each frame is compared with the next longer one over the pixels that both show well. Ratios
+//! multiply, and shifts add, along the chain of frames; both are then taken relative to the
+//! median frame, which a few bad ones do not move.
+
+mod shift;
+
+use crate::dark::DarkFrame;
+use crate::error::MergeError;
+use crate::estimate::Estimate;
+use crate::net::{Net, Pair};
+use physics::{Frame, Sensor};
+use shift::Blocks;
+
+/// Share of the range from black to white below which a sample says little of a ratio, and a
+/// dark that has drifted too much.
+const DIM: f64 = 0.01;
+
+/// Fewest samples that make a ratio.
+const LEAST: u64 = 100;
+
+/// Standard uncertainties beyond which a deviation is no chance.
+const SURE: f64 = 5.0;
+
+/// Relative deviation, as a root mean square over the frames, up to which nominal exposures are as
+/// good as measured ones: other uncertainties of a measurement are larger.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// What two neighbouring frames say of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// Measured ratio of exposures over the nominal one; `None` without enough overlap.
+    pub ratio: Option<Estimate>,
+    /// How far the longer frame is shifted to the right and down, px; `None` where the frames
+    /// show too little.
+    pub shift_px: Option<[Estimate; 2]>,
+}
+
+/// A frame as the other frames see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// Exposure as stated, s.
+    pub nominal_s: f64,
+    /// Exposure that the overlap shows, s, on a scale on which the median frame is as stated.
+    pub measured_s: f64,
+    /// Relative standard uncertainty of that.
+    pub u_relative: f64,
+    /// Shift right and down against the median frame, px, each axis by itself.
+    pub shift_px: [Estimate; 2],
+}
+
+impl Placed {
+    /// ln(measured/nominal).
+    pub fn deviation(&self) -> f64 {
+        (self.measured_s / self.nominal_s).ln()
+    }
+
+    /// Whether the exposure is off by more than `limit` and by more than chance.
+    pub fn is_off(&self, limit: f64) -> bool {
+        let found = self.deviation().abs();
+        found > limit && found > SURE * self.u_relative
+    }
+
+    /// The length of the shift, px, where it is above `limit_px` and no chance.
+    pub fn shifted(&self, limit_px: f64) -> Option<f64> {
+        let [x, y] = self.shift_px;
+        let length = x.value.hypot(y.value);
+        (length > limit_px && length > SURE * x.u.hypot(y.u)).then_some(length)
+    }
+}
+
+/// All frames of one scene, side by side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// The frames, as they were added.
+    pub frames: Vec<Placed>,
+    /// What each says of the next: one fewer than frames.
+    pub links: Vec<Link>,
+}
+
+/// Frames that arrive one by one, by increasing exposure.
+#[derive(Clone, Debug)]
+pub struct Overlap {
+    black_dn: f64,
+    white_dn: f64,
+    previous: Option<Net>,
+    exposures_s: Vec<f64>,
+    links: Vec<Link>,
+}
+
+impl Overlap {
+    /// Nothing yet, of a sensor with these levels.
+    pub fn new(sensor: &Sensor) -> Self {
+        Self {
+            black_dn: sensor.black_level_dn,
+            white_dn: sensor.white_level_dn,
+            previous: None,
+            exposures_s: vec![],
+            links: vec![],
+        }
+    }
+
+    /// Compares a frame of `exposure_s` with the one before it.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::Merge::add`].
+    pub fn add(
+        &mut self,
+        frame: &Frame,
+        dark: &DarkFrame,
+        exposure_s: f64,
+    ) -> Result<(), MergeError> {
+        let net = Net::new(frame, dark, exposure_s, self.white_dn)?;
+        if let Some(previous) = &self.previous {
+            let pair = Pair::new(previous, &net, self.black_dn, self.white_dn)?;
+            self.links.push(link(&pair, self.black_dn, self.white_dn));
+        }
+        self.exposures_s.push(exposure_s);
+        self.previous = Some(net);
+        Ok(())
+    }
+
+    /// The frames beside each other.
+    pub fn finish(self) -> Comparison {
+        let count = self.exposures_s.len();
+        // Deviations and shifts along the chain, with variances; a link that says nothing is
+        // taken at its word.
+        let mut chain = [
+            vec![(0.0, 0.0); 1],
+            vec![(0.0, 0.0); 1],
+            vec![(0.0, 0.0); 1],
+        ];
+        for link in &self.links {
+            let ratio = link
+                .ratio
+                .map_or((0.0, 0.0), |r| (r.value.ln(), r.u / r.value));
+            let shift = |axis: usize| {
+                link.shift_px
+                    .map_or((0.0, 0.0), |s| (s[axis].value, s[axis].u))
+            };
+            for (chain, (step, u)) in chain.iter_mut().zip([ratio, shift(0), shift(1)]) {
+                let (value, variance) = chain[chain.len() - 1];
+                chain.push((value + step, variance + u * u));
+            }
+        }
+        let [ratios, in_x, in_y] = chain.map(|chain| {
+            let (middle, from) = median(&chain);
+            let placed = |(value, variance): (f64, f64)| Estimate {
+                value: value - middle,
+                u: (variance - from).abs().sqrt(),
+            };
+            chain.into_iter().map(placed).collect::<Vec<_>>()
+        });
+        let frames = (0..count)
+            .map(|k| Placed {
+                nominal_s: self.exposures_s[k],
+                measured_s: self.exposures_s[k] * ratios[k].value.exp(),
+                u_relative: ratios[k].u,
+                shift_px: [in_x[k], in_y[k]],
+            })
+            .collect();
+        Comparison {
+            frames,
+            links: self.links,
+        }
+    }
+}
+
+/// The middle value, with the variance that the chain has there.
+fn median(chain: &[(f64, f64)]) -> (f64, f64) {
+    let mut sorted = chain.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (low, high) = (sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
+    (0.5 * (low.0 + high.0), 0.5 * (low.1 + high.1))
+}
+
+impl Comparison {
+    /// Whether the measured exposures are significantly better than the nominal ones.
+    ///
+    /// Nominal exposures are exact or off by what a shutter makes; measured ones have the noise of
+    /// the overlap, which adds up along the chain. So they are worth it where χ² of the ratios is
+    /// beyond chance and the deviations are larger than matters nowhere else.
+    pub fn prefers_measured(&self) -> bool {
+        let squares: Vec<f64> = self
+            .links
+            .iter()
+            .filter_map(|l| l.ratio)
+            .map(|r| (r.value.ln() / (r.u / r.value)).powi(2))
+            .collect();
+        let n = squares.len() as f64;
+        let deviations = self.frames.iter().map(|f| f.deviation().powi(2));
+        let rms = (deviations.sum::<f64>() / self.frames.len().max(1) as f64).sqrt();
+        squares.iter().sum::<f64>() > n + SURE * (2.0 * n).sqrt() && rms > NEGLIGIBLE
+    }
+}
+
+/// Relative standard uncertainty of the ratio of radiances of two scenes whose frames were each
+/// put on the scale of their median.
+///
+/// A shutter that is off in the same way in both drops out, so that the scatter of the
+/// *difference* counts; frames of other exposures cannot be paired, and count with their own
+/// scatter. A median of n has 1.25/√n of it.
+pub fn u_between(a: &Comparison, b: &Comparison) -> f64 {
+    let paired: Vec<(f64, f64)> = a
+        .frames
+        .iter()
+        .filter_map(|f| {
+            let other = b.frames.iter().find(|o| o.nominal_s == f.nominal_s)?;
+            Some((f.deviation() - other.deviation(), 0.0))
+        })
+        .collect();
+    let own = |c: &Comparison| {
+        c.frames
+            .iter()
+            .map(|f| (f.deviation(), 0.0))
+            .collect::<Vec<_>>()
+    };
+    let of_median = |deviations: &[(f64, f64)]| {
+        let (middle, _) = median(deviations);
+        let distances: Vec<(f64, f64)> = deviations
+            .iter()
+            .map(|d| ((d.0 - middle).abs(), 0.0))
+            .collect();
+        // 1.4826 median absolute deviations are one standard deviation of a Gaussian.
+        1.25 * 1.4826 * median(&distances).0 / (deviations.len() as f64).sqrt()
+    };
+    if 2 * paired.len() > a.frames.len().min(b.frames.len()) {
+        of_median(&paired)
+    } else {
+        of_median(&own(a)).hypot(of_median(&own(b)))
+    }
+}
+
+/// Ratio and shift of a pair, in one pass over its samples.
+fn link(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Link {
+    let mut sums = Sums::default();
+    let mut blocks = Blocks::new(pair.short.size);
+    let dim = dim(black_dn, white_dn);
+    pair.for_each(|both| {
+        if both.expected >= dim {
+            sums.add(both.short, both.long);
+            blocks.add(&both);
+        }
+    });
+    let nominal = pair.nominal_ratio();
+    let ratio = sums.ratio();
+    let shift_px = ratio.and_then(|r| blocks.shift(r.value, f64::from(dim)));
+    Link {
+        ratio: ratio.map(|r| Estimate {
+            value: r.value / nominal,
+            u: r.u / nominal,
+        }),
+        shift_px,
+    }
+}
+
+/// Measured ratio of the exposures of a pair.
+pub(crate) fn ratio(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Option<f64> {
+    let mut sums = Sums::default();
+    let dim = dim(black_dn, white_dn);
+    pair.for_each(|both| {
+        if both.expected >= dim {
+            sums.add(both.short, both.long);
+        }
+    });
+    sums.ratio().map(|r| r.value)
+}
+
+fn dim(black_dn: f64, white_dn: f64) -> f32 {
+    (DIM * (white_dn - black_dn)) as f32
+}
+
+/// What a ratio is made of.
+#[derive(Default)]
+struct Sums {
+    samples: u64,
+    short: f64,
+    long: f64,
+    /// Σ of short², short·long and long², for the scatter about whatever ratio comes out.
+    squares: [f64; 3],
+}
+
+impl Sums {
+    fn add(&mut self, short: f32, long: f32) {
+        let (s, l) = (f64::from(short), f64::from(long));
+        self.samples += 1;
+        self.short += s;
+        self.long += l;
+        for (sum, term) in self.squares.iter_mut().zip([s * s, s * l, l * l]) {
+            *sum += term;
+        }
+    }
+
+    /// Σlong/Σshort: the maximum-likelihood ratio of Poisson counts. Its uncertainty comes from
+    /// the scatter of the samples about it.
+    fn ratio(&self) -> Option<Estimate> {
+        if self.samples < LEAST || self.short <= 0.0 || self.long <= 0.0 {
+            return None;
+        }
+        let value = self.long / self.short;
+        let [ss, sl, ll] = self.squares;
+        let scatter = (ll - 2.0 * value * sl + value * value * ss).max(0.0);
+        Some(Estimate {
+            value,
+            u: scatter.sqrt() / self.short,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;
