@@ -262,13 +262,18 @@ fn a_frame_that_was_shifted_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (_, loaded) = photograph(folder.path(), &small(), 9);
     let path = folder.path().join("capture/reference/reference_05.tif");
-    let mut frame = formats::decode_frame(&std::fs::read(&path).unwrap()).unwrap();
+    let mut frame = formats::decode_frame(&std::fs::read(&path).unwrap())
+        .unwrap()
+        .frame;
     // Half a pixel to the right: the mean of each pixel and the one on its left.
-    let before = frame.samples.clone();
-    for i in frame.channels..before.len() {
-        let sum = u32::from(before[i]) + u32::from(before[i - frame.channels]);
-        frame.samples[i] = (sum / 2) as u16;
-    }
+    let before = frame.samples.to_f32();
+    let smeared: Vec<u16> = (0..before.len())
+        .map(|i| match i.checked_sub(frame.channels) {
+            Some(left) => (0.5 * (before[i] + before[left])) as u16,
+            None => before[i] as u16,
+        })
+        .collect();
+    frame.samples = smeared.into();
     let mut bytes = std::io::Cursor::new(vec![]);
     formats::encode_tiff(&frame, &mut bytes).unwrap();
     std::fs::write(&path, bytes.into_inner()).unwrap();

@@ -37,6 +37,8 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// A synthetic capture: frames, darks, reference, capture.toml and truth.json.
     Synth(SynthArgs),
+    /// A capture.toml to be filled in, from a folder of frames.
+    Init(InitArgs),
     /// The main job: frames to materials.
     Measure(MeasureArgs),
     /// Merges the frames of a capture into one radiance map.
@@ -91,6 +93,14 @@ pub(crate) struct SynthArgs {
     /// Folder to write.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot init photographs")]
+pub(crate) struct InitArgs {
+    /// Folder of frames; names tell what they are: dark, white, ref, reference, spectralon.
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
 }
 
 /// How to fit.

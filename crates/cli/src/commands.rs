@@ -3,6 +3,7 @@
 pub(crate) mod demo;
 pub(crate) mod fit;
 pub(crate) mod hdr;
+pub(crate) mod init;
 pub(crate) mod measure;
 pub(crate) mod profile;
 pub(crate) mod simulate;

@@ -40,6 +40,7 @@ fn run(cli: Cli) -> Result<()> {
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, common, &monitor, &mut out),
         Command::Synth(args) => commands::synth::run(&args, common, &monitor, &mut out),
+        Command::Init(args) => commands::init::run(&args, common, &mut out),
         Command::Measure(args) => commands::measure::run(&args, common, &monitor, &mut out),
         Command::Hdr(args) => commands::hdr::run(&args, common, &monitor, &mut out),
         Command::Profile(args) => commands::profile::run(&args, common, &monitor, &mut out),

@@ -324,6 +324,62 @@ fn a_total_above_the_ceiling() {
 }
 
 #[test]
+fn a_frame_of_another_kind() {
+    for (bytes, words) in [
+        (&b"P5 2 2 255\n\x01\x02\x03\x04"[..], "16-bit"),
+        (b"P5 2 2 65535\n\x01", "cut short"),
+        (b"P5 2147483648 2147483648 65535\n\x01", "cut short"),
+        (b"FUJIFILMCCD-RAW 0201", "camera RAW (RAF)"),
+        (b"GIF89a", "expected TIFF, PNG"),
+    ] {
+        let words = ["reference/reference_02.tif", words];
+        file_refused("reference/reference_02.tif", |_| bytes.to_vec(), &words);
+    }
+}
+
+#[test]
+fn a_copy_in_the_place_of_a_frame() {
+    let copy = fs::read(capture().join("sample/sample_01.tif")).unwrap();
+    file_refused(
+        "sample/sample_03.tif",
+        |_| copy.clone(),
+        &[
+            "capture.toml",
+            "sample_03.tif",
+            "very bytes of sample/sample_01.tif",
+        ],
+    );
+}
+
+#[test]
+fn a_manifest_that_nobody_filled_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    refused(path, &["init", "."], 3, &["no frame found", "TIFF"]);
+    refused(path, &["init", "nowhere"], 3, &["nowhere"]);
+    copy_capture(path);
+    refused(
+        path,
+        &["init", "."],
+        3,
+        &["capture.toml", "exists", "--force"],
+    );
+    let init = beamspot()
+        .current_dir(path)
+        .args(["init", ".", "--force"])
+        .output();
+    assert!(init.unwrap().status.success());
+    let measure = ["measure", "capture.toml", "-o", "result"];
+    let open = [
+        "`eta`",
+        "`geometry.mm_per_pixel`",
+        "exposure_s",
+        "is still \"?\"",
+    ];
+    refused(path, &measure, 3, &open);
+}
+
+#[test]
 fn wrong_usage() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();

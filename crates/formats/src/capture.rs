@@ -4,10 +4,15 @@
 //! was assumed; [`Capture::assumptions`] lists the latter.
 
 mod check;
+mod draft;
+mod frames;
 mod write;
 
-pub use check::{CaptureError, parse_capture};
+pub use check::{CaptureError, parse_capture, parse_manifest};
+pub use draft::{Draft, DraftFrame};
+pub use frames::{Frames, WrittenFrame};
 
+use crate::metadata::TimeUnit;
 use physics::ReducedMedium;
 use serde::{Deserialize, Serialize};
 
@@ -23,9 +28,12 @@ pub const DEFAULT_U_REFLECTANCE: f64 = 0.01;
 pub const DEFAULT_REFERENCE_ETA: f64 = 1.3;
 
 /// A capture: the frames of a sample and of a white reference, and the set-up they share.
+///
+/// As written, its lists are [`Frames`], which may be patterns and leave exposure times to the
+/// files; [`Capture::resolved`] makes them lists of [`FrameEntry`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Capture {
+pub struct Capture<F = Vec<FrameEntry>> {
     /// Name of the material.
     pub material: String,
     /// Index of the sample over that of its surroundings, in [1, 5].
@@ -44,9 +52,9 @@ pub struct Capture {
     #[serde(default)]
     pub model: Model,
     /// The frames of the sample.
-    pub sample: Sample,
+    pub sample: Sample<F>,
     /// The frames of the white reference.
-    pub reference: Reference,
+    pub reference: Reference<F>,
 }
 
 /// `[geometry]`: pixels in millimetres.
@@ -111,8 +119,10 @@ pub struct Camera {
     pub white_level_dn: Option<f64>,
     /// Standard deviation of the pixels' relative sensitivity; default 0.
     pub prnu_relative: f64,
-    /// The response; linear where absent.
+    /// The response; linear where absent, but 8-bit frames want it stated.
     pub response: Option<Response>,
+    /// Unit of the exposure times in FITS headers that give a number and no unit.
+    pub fits_exposure_unit: Option<TimeUnit>,
 }
 
 /// How radiance at the camera's angle becomes exitance.
@@ -165,13 +175,13 @@ impl FrameEntry {
 /// `[sample]`: the frames of the sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sample {
+pub struct Sample<F = Vec<FrameEntry>> {
     /// Thickness, mm; semi-infinite where absent.
     pub thickness_mm: Option<f64>,
     /// Frames with the beam on.
-    pub frames: Vec<FrameEntry>,
+    pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.
-    pub dark: Vec<FrameEntry>,
+    pub dark: F,
 }
 
 /// A number for all channels, or one for each.
@@ -208,7 +218,7 @@ impl PerChannel {
 /// `[reference]`: the frames of a white diffuser in place of the sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Reference {
+pub struct Reference<F = Vec<FrameEntry>> {
     /// Its total diffuse reflectance.
     pub reflectance: f64,
     /// Standard uncertainty of `reflectance`; [`DEFAULT_U_REFLECTANCE`] where absent.
@@ -221,9 +231,9 @@ pub struct Reference {
     /// Relative index of the white itself; [`DEFAULT_REFERENCE_ETA`] where absent.
     pub eta: Option<f64>,
     /// Frames with the beam on.
-    pub frames: Vec<FrameEntry>,
+    pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.
-    pub dark: Vec<FrameEntry>,
+    pub dark: F,
 }
 
 /// A number that the manifest left out and a default stands for.
@@ -235,7 +245,7 @@ pub struct Assumption {
     pub value: f64,
 }
 
-impl Capture {
+impl<F> Capture<F> {
     /// Standard uncertainty of `eta`, stated or by default.
     pub fn u_eta(&self) -> f64 {
         self.u_eta.unwrap_or(DEFAULT_U_ETA)
@@ -293,7 +303,7 @@ impl Beam {
     }
 }
 
-impl Reference {
+impl<F> Reference<F> {
     /// Standard uncertainty of `reflectance`, stated or by default.
     pub fn u_reflectance(&self) -> f64 {
         self.u_reflectance.unwrap_or(DEFAULT_U_REFLECTANCE)

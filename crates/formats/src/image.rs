@@ -1,34 +1,154 @@
-//! Frames: 16-bit gray or RGB TIFF and PNG, counts in proportion to light.
+//! Frames: TIFF, PNG, PGM/PPM, OpenEXR and FITS; gray or RGB, counts in proportion to light.
 //!
 //! A frame is data, not a picture to look at: whatever a decoder would have to guess, convert or
 //! leave out is refused with its reason ([`Oddity`]), and no size of a header is trusted with
 //! memory before the length of the file has vouched for it.
 
+mod exr;
+mod fits;
+mod icc;
 mod png;
+mod pnm;
 mod tiff;
 
 pub use self::png::encode_png;
 pub use self::tiff::encode_tiff;
 
-use physics::Frame;
+use physics::{Frame, Samples};
 use thiserror::Error;
+
+/// How a file stores its samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// Whole numbers of so many bits: 8 are widened to 16, 12 may have been packed.
+    Bits(u16),
+    /// Floating-point numbers.
+    Float,
+}
+
+impl std::fmt::Display for Depth {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Bits(bits) => write!(f, "{bits}-bit"),
+            Self::Float => write!(f, "floating-point"),
+        }
+    }
+}
+
+/// A frame as its file holds it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// The frame.
+    pub frame: Frame,
+    /// How its samples were stored.
+    pub depth: Depth,
+    /// Whether the file declares a transfer curve that is no straight line (sRGB, a gamma, an ICC profile).
+    pub curve: bool,
+}
+
+impl Decoded {
+    /// The frame, if its counts are in proportion to light as far as one can tell.
+    ///
+    /// Files of 8 bits almost never are, unless someone states it: `stated_linear`.
+    ///
+    /// # Errors
+    ///
+    /// [`ImageError::EightBits`], or [`Oddity::Curve`] whatever was stated.
+    pub fn linear(self, stated_linear: bool) -> Result<Frame, ImageError> {
+        if self.curve {
+            return Err(ImageError::Odd(Oddity::Curve));
+        }
+        if !stated_linear && matches!(self.depth, Depth::Bits(..=8)) {
+            return Err(ImageError::EightBits);
+        }
+        Ok(self.frame)
+    }
+}
 
 /// A frame cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// Neither TIFF nor PNG.
+    /// None of the formats.
     #[error(
-        "neither TIFF nor PNG: the file begins with {0:02x?}; expected 16-bit gray or RGB TIFF or \
-         PNG, so convert it without changing its counts"
+        "no frame: the file begins with {0:02x?}; expected TIFF, PNG, PGM, PPM, OpenEXR or FITS, \
+         so convert it without changing its counts"
     )]
     UnknownFormat(Vec<u8>),
-    /// Samples are not 16 bits wide.
+    /// A camera's own RAW format.
     #[error(
-        "found {0} bits per sample, expected 16: counts are wanted linear in 16 bits, so save the \
-         frames from the camera as 16-bit gray or RGB"
+        "camera RAW ({0}) is not read: develop it linearly to 16-bit TIFF first, without white \
+         balance or demosaicing of more than its own channel"
+    )]
+    CameraRaw(&'static str),
+    /// Samples of a width that no camera gives.
+    #[error(
+        "found {0} bits per sample, expected 8, 12 (packed, uncompressed TIFF), 16, or 32 in \
+         floating point: save the frames from the camera as 16-bit gray or RGB"
     )]
     Depth(u32),
+    /// Eight bits, and nobody said that they are linear.
+    #[error(
+        "found 8 bits per sample, which are in proportion to light in hardly any file: save the \
+         frames from the camera in 16 bits, or, where the camera wrote its counts as they are, \
+         state it in the manifest: `response = \"linear\"` under `[camera]`"
+    )]
+    EightBits,
+    /// A text header that makes no sense.
+    #[error("{format}: {what}; the file is damaged or of another kind")]
+    Header {
+        /// Name of the format.
+        format: &'static str,
+        /// What was found and expected.
+        what: &'static str,
+    },
+    /// A FITS card that the frame depends on.
+    #[error("FITS: {keyword} is {found}; expected {expected}")]
+    Fits {
+        /// The keyword.
+        keyword: &'static str,
+        /// Its value, or `missing`.
+        found: String,
+        /// What a frame has there.
+        expected: &'static str,
+    },
+    /// A sample that is no count.
+    #[error("pixel {column}, {row}: found {found}, expected {expected}")]
+    Sample {
+        /// Column, from 0.
+        column: usize,
+        /// Row, from 0.
+        row: usize,
+        /// The sample.
+        found: f64,
+        /// What a count is.
+        expected: &'static str,
+    },
+    /// A strip of packed samples that is not long enough.
+    #[error(
+        "the strip of row {row}, plane {plane}, does not hold the {needed} bytes of its rows: the \
+         file is damaged"
+    )]
+    ShortStrip {
+        /// First row of the strip.
+        row: usize,
+        /// Plane of the strip.
+        plane: usize,
+        /// Bytes that its rows need.
+        needed: usize,
+    },
+    /// Bytes behind the pixels.
+    #[error(
+        "the file goes on for {0} bytes behind its pixels: expected one frame a file, each with \
+         its exposure time: split it"
+    )]
+    Behind(usize),
+    /// An EXR file without the channels of a frame.
+    #[error("OpenEXR: found the channels {0}; expected Y, or R, G and B, and nothing else")]
+    ExrChannels(String),
+    /// The EXR decoder gave up.
+    #[error("OpenEXR: {0}")]
+    Exr(#[from] ::exr::error::Error),
     /// Neither gray nor RGB.
     #[error("found {0} samples per pixel, expected 1 (gray) or 3 (RGB)")]
     Channels(u32),
@@ -37,7 +157,7 @@ pub enum ImageError {
     Odd(Oddity),
     /// The file ends before its pixels do.
     #[error(
-        "the file is cut short: its pixels reach to byte {needed}, it has {found}: copy it anew"
+        "the file is cut short or damaged: its data reach to byte {needed}, it has {found}: copy it anew"
     )]
     Truncated {
         /// Bytes that the header speaks of.
@@ -63,7 +183,7 @@ pub enum ImageError {
     /// A frame whose samples do not fill its size, or are neither gray nor RGB.
     #[error(
         "a frame of {width} x {height} x {channels} cannot be written from {samples} samples; \
-         expected 1 or 3 channels and as many samples as they need"
+         expected 1 or 3 channels and as many 16-bit samples as they need"
     )]
     Inconsistent {
         /// Pixels in a row.
@@ -90,11 +210,42 @@ pub enum ImageError {
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Oddity {
-    /// Colours one after the other instead of pixel by pixel.
+    /// Several pictures in a FITS cube.
     #[error(
-        "the colour planes are stored one after the other; expected them pixel by pixel: save the file with interleaved (chunky) samples"
+        "the file is a cube of several planes and does not say that they are colours (CTYPE3 = 'RGB'); expected one frame a file, each with its exposure time: split it"
     )]
-    Planar,
+    Cube,
+    /// A Bayer mosaic.
+    #[error(
+        "the file is the mosaic of a colour filter array; expected gray or RGB: separate its channels first, each photosite to its own channel, without interpolation"
+    )]
+    Mosaic,
+    /// A FITS file whose picture is not its first part.
+    #[error(
+        "the picture stands in an extension of the file; expected it in the first part: copy the extension to a file of its own"
+    )]
+    FitsExtension,
+    /// Tile-compressed FITS.
+    #[error("the picture is compressed inside a FITS table (ZIMAGE); unpack it first (funpack)")]
+    CompressedFits,
+    /// Packed 12-bit samples behind another coder.
+    #[error(
+        "packed 12-bit samples are compressed; expected them as they are: save the file without compression"
+    )]
+    CompressedPacked,
+    /// Packed 12-bit samples in tiles.
+    #[error("packed 12-bit samples stand in tiles; expected strips: save the file in strips")]
+    PackedTiles,
+    /// A picture that `beamspot hdr` or another merge made.
+    #[error(
+        "the file is a radiance map, merged already; expected the frame of one exposure, so give the map to `beamspot profile` instead"
+    )]
+    Merged,
+    /// A layout of OpenEXR that is no plain picture.
+    #[error(
+        "the file is deep, subsampled, or made of several parts; expected one plain picture: save the frame alone"
+    )]
+    ExrLayout,
     /// Indices into a palette.
     #[error(
         "the pixels are indices into a palette; expected counts: save the file as 16-bit gray or RGB"
@@ -121,7 +272,9 @@ pub enum Oddity {
     )]
     Raw,
     /// Signed or floating-point samples.
-    #[error("SampleFormat is {0}; expected 1 (unsigned whole numbers), the counts of the camera")]
+    #[error(
+        "SampleFormat is {0}; expected 1 (unsigned whole numbers) or, in 32 bits, 3 (floating point)"
+    )]
     SampleFormat(u16),
     /// Lossy or rare compression.
     #[error(
@@ -148,7 +301,7 @@ pub enum Oddity {
     ManyImages,
     /// A transfer curve that is not a straight line.
     #[error(
-        "the file declares a transfer curve (sRGB or a gamma other than 1); expected counts in proportion to light: save it linear, without the declaration"
+        "the file declares a transfer curve (sRGB, a gamma other than 1, or an ICC profile that bends); expected counts in proportion to light: save it linear, without the declaration"
     )]
     Curve,
 }
@@ -156,26 +309,95 @@ pub enum Oddity {
 /// Deflate packs at most 1032 bytes into one; LZW and PackBits fewer.
 const LARGEST_RATIO: u64 = 1100;
 
-/// The frame in `bytes`, TIFF or PNG by their first bytes.
+/// The frame in `bytes`, whose first ones tell the format.
 ///
 /// # Errors
 ///
 /// [`ImageError`]: another format, another kind of pixel, a damaged or truncated file.
-pub fn decode_frame(bytes: &[u8]) -> Result<Frame, ImageError> {
-    match bytes {
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::decode(bytes),
-        [0x89, b'P', b'N', b'G', ..] => png::decode(bytes),
-        _ => Err(ImageError::UnknownFormat(
+pub fn decode_frame(bytes: &[u8]) -> Result<Decoded, ImageError> {
+    if let Some(raw) = camera_raw(bytes) {
+        return Err(ImageError::CameraRaw(raw));
+    }
+    match Format::of(bytes) {
+        Some(Format::Tiff) => tiff::decode(bytes),
+        Some(Format::Png) => png::decode(bytes),
+        Some(Format::Pnm) => pnm::decode(bytes),
+        Some(Format::Exr) => exr::decode(bytes),
+        Some(Format::Fits) => fits::decode(bytes),
+        None => Err(ImageError::UnknownFormat(
             bytes.iter().take(4).copied().collect(),
         )),
     }
 }
 
-/// Number of samples of an image, if `stored` bytes with at most `ratio` to one can hold them.
+/// A format that frames come in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    Tiff,
+    Png,
+    Pnm,
+    Exr,
+    Fits,
+}
+
+impl Format {
+    /// The format that the first of `bytes` announce.
+    pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(Self::Tiff),
+            [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
+            [b'P', b'5' | b'6', b' ' | b'\t'..=b'\r' | b'#', ..] => Some(Self::Pnm),
+            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),
+            _ if bytes.starts_with(b"SIMPLE  =") => Some(Self::Fits),
+            _ => None,
+        }
+    }
+}
+
+/// The camera's own format, where the first bytes say so and none of ours does.
+fn camera_raw(bytes: &[u8]) -> Option<&'static str> {
+    if bytes.starts_with(b"FUJIFILMCCD-RAW") {
+        Some("RAF")
+    } else if bytes.get(4..12) == Some(b"ftypcrx ") {
+        Some("CR3")
+    } else if bytes.get(8..10) == Some(b"CR") && Format::of(bytes) == Some(Format::Tiff) {
+        Some("CR2")
+    } else {
+        None
+    }
+}
+
+/// Whether every sample is finite.
+fn check_finite(frame: &Frame) -> Result<(), ImageError> {
+    if let Samples::F32(samples) = &frame.samples
+        && let Some(at) = samples.iter().position(|sample| !sample.is_finite())
+    {
+        let pixel = at / frame.channels;
+        return Err(ImageError::Sample {
+            column: pixel % frame.width,
+            row: pixel / frame.width,
+            found: samples[at].into(),
+            expected: "a finite number: put the counts of the camera back where they were masked",
+        });
+    }
+    Ok(())
+}
+
+/// Planes one after the other as pixels of three samples.
+fn interleaved<T: Copy>(planes: &[T]) -> Vec<T> {
+    let pixels = planes.len() / 3;
+    (0..pixels)
+        .flat_map(|i| [planes[i], planes[pixels + i], planes[2 * pixels + i]])
+        .collect()
+}
+
+/// Number of samples of `bits` each in an image, if `stored` bytes, with at most `ratio` to one,
+/// can hold them.
 fn sample_count(
     [width, height, channels]: [u32; 3],
     stored: u64,
     ratio: u64,
+    bits: u64,
 ) -> Result<usize, ImageError> {
     let oversized = ImageError::Oversized {
         width,
@@ -187,13 +409,13 @@ fn sample_count(
     u64::from(width)
         .checked_mul(u64::from(height))
         .and_then(|pixels| pixels.checked_mul(u64::from(channels)))
-        .filter(|samples| *samples <= stored.saturating_mul(ratio) / 2)
+        .filter(|samples| *samples <= stored.saturating_mul(8 * ratio) / bits)
         .and_then(|samples| usize::try_from(samples).ok())
         .ok_or(oversized)
 }
 
-/// Width and height of a frame that can be written.
-fn size_to_write(frame: &Frame) -> Result<(u32, u32), ImageError> {
+/// Width, height and samples of a frame that can be written.
+fn size_to_write(frame: &Frame) -> Result<(u32, u32, &[u16]), ImageError> {
     let Frame {
         width,
         height,
@@ -210,8 +432,10 @@ fn size_to_write(frame: &Frame) -> Result<(u32, u32), ImageError> {
         .checked_mul(height)
         .and_then(|pixels| pixels.checked_mul(channels))
         .is_some_and(|needed| needed == samples.len() && needed > 0);
-    match (u32::try_from(width), u32::try_from(height)) {
-        (Ok(width), Ok(height)) if filled && matches!(channels, 1 | 3) => Ok((width, height)),
+    match (u32::try_from(width), u32::try_from(height), samples) {
+        (Ok(width), Ok(height), Samples::U16(samples)) if filled && matches!(channels, 1 | 3) => {
+            Ok((width, height, samples))
+        }
         _ => Err(error),
     }
 }
@@ -234,7 +458,7 @@ mod tests {
                         width,
                         height,
                         channels,
-                        samples,
+                        samples: samples.into(),
                     },
                 )
             })
@@ -255,8 +479,8 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_written_comes_back(frame in frame()) {
-            prop_assert_eq!(&decode_frame(&tiff_of(&frame)).unwrap(), &frame);
-            prop_assert_eq!(&decode_frame(&png_of(&frame)).unwrap(), &frame);
+            prop_assert_eq!(&decode_frame(&tiff_of(&frame)).unwrap().frame, &frame);
+            prop_assert_eq!(&decode_frame(&png_of(&frame)).unwrap().frame, &frame);
         }
 
         #[test]
@@ -288,8 +512,8 @@ mod tests {
 
     #[test]
     fn other_formats_are_told_by_their_first_bytes() {
-        let message = decode_frame(b"P5 2 2 255\n").unwrap_err().to_string();
-        assert!(message.contains("[50, 35, 20, 32]"), "{message}");
+        let message = decode_frame(b"P3 2 2 255\n").unwrap_err().to_string();
+        assert!(message.contains("[50, 33, 20, 32]"), "{message}");
         assert!(matches!(
             decode_frame(b""),
             Err(ImageError::UnknownFormat(_))
@@ -302,7 +526,7 @@ mod tests {
             width: 2,
             height: 2,
             channels: 1,
-            samples: vec![0; 3],
+            samples: vec![0; 3].into(),
         };
         let error = encode_png(&frame, Vec::new()).unwrap_err();
         assert!(matches!(error, ImageError::Inconsistent { samples: 3, .. }));
@@ -310,7 +534,7 @@ mod tests {
             width: 1,
             height: 1,
             channels: 2,
-            samples: vec![0; 2],
+            samples: vec![0; 2].into(),
         };
         assert!(encode_tiff(&two, Cursor::new(Vec::new())).is_err());
     }
@@ -325,7 +549,8 @@ mod tests {
             channels: 1,
             samples: (0..24_000_000_u32)
                 .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u16)
-                .collect(),
+                .collect::<Vec<_>>()
+                .into(),
         };
         for (name, encode) in [
             ("tiff", tiff_of as fn(&Frame) -> Vec<u8>),
@@ -335,7 +560,7 @@ mod tests {
             let bytes = encode(&frame);
             let written = start.elapsed();
             let start = std::time::Instant::now();
-            assert!(decode_frame(&bytes).unwrap() == frame);
+            assert!(decode_frame(&bytes).unwrap().frame == frame);
             println!(
                 "{name}: write {written:?}, read {:?}, {} bytes",
                 start.elapsed(),

@@ -7,7 +7,8 @@
 //!
 //! | module | file |
 //! |---|---|
-//! | [`image`] | frames: 16-bit gray or RGB TIFF and PNG |
+//! | [`image`] | frames: TIFF, PNG, PGM/PPM, OpenEXR and FITS, gray or RGB |
+//! | [`metadata`] | exposure time and camera, as frames and their names state them |
 //! | [`exr`] | `radiance.exr`: value and variance of every channel |
 //! | [`capture`] | `capture.toml`: frames and exposure times, geometry, beam, camera, reference |
 //! | [`sample_toml`] | a medium given by reduced coefficients, for `synth` |
@@ -20,19 +21,21 @@
 pub mod capture;
 mod csv_table;
 pub mod exr;
+mod fits_header;
 pub mod image;
 pub mod layers_csv;
 pub mod materials_csv;
 pub mod materials_json;
 pub mod medium_toml;
+pub mod metadata;
 mod nearest;
 pub mod profile_csv;
 pub mod sample_toml;
 pub mod toml_text;
 pub mod totals_csv;
 
-pub use capture::{Capture, CaptureError, parse_capture};
+pub use capture::{Capture, CaptureError, parse_capture, parse_manifest};
 pub use csv_table::{CsvError, Expected};
 pub use exr::{ExrError, RadianceFile, read_radiance, write_radiance};
-pub use image::{ImageError, decode_frame, encode_png, encode_tiff};
+pub use image::{Decoded, Depth, ImageError, decode_frame, encode_png, encode_tiff};
 pub use toml_text::{TomlError, parse_toml};

@@ -12,7 +12,7 @@ pub struct DarkFrame {
     size: (usize, usize, usize),
     exposure_s: f64,
     count: u32,
-    // Whole numbers, exact in f32 for the first 256 frames of 16 bits.
+    // Exact in f32 for the first 256 frames of 16-bit numbers.
     sum: Vec<f32>,
 }
 
@@ -29,7 +29,7 @@ impl DarkFrame {
             size: size(frame),
             exposure_s,
             count: 1,
-            sum: frame.samples.iter().map(|s| f32::from(*s)).collect(),
+            sum: frame.samples.to_f32(),
         })
     }
 
@@ -41,8 +41,13 @@ impl DarkFrame {
     pub fn add(&mut self, frame: &Frame) -> Result<(), MergeError> {
         check_frame(frame)?;
         check_size(frame, self.size)?;
-        for (sum, sample) in self.sum.iter_mut().zip(&frame.samples) {
-            *sum += f32::from(*sample);
+        let row = frame.width * frame.channels;
+        let mut samples = vec![0.0; row];
+        for (y, sums) in self.sum.chunks_exact_mut(row).enumerate() {
+            frame.samples.copy_to(y * row..(y + 1) * row, &mut samples);
+            for (sum, sample) in sums.iter_mut().zip(&samples) {
+                *sum += sample;
+            }
         }
         self.count += 1;
         Ok(())
@@ -160,7 +165,7 @@ mod tests {
             width: 2,
             height: 1,
             channels: 1,
-            samples: vec![level, 2 * level],
+            samples: vec![level, 2 * level].into(),
         };
         let mut dark = DarkFrame::new(&frame(100), 0.5).unwrap();
         dark.add(&frame(103)).unwrap();

@@ -95,6 +95,12 @@ pub enum EstimateError {
     /// A frame or a dark cannot be used.
     #[error(transparent)]
     Frame(#[from] MergeError),
+    /// The samples are not counts of a converter.
+    #[error(
+        "frames of floating-point numbers show no rounding and no top: the camera cannot be \
+         estimated from them; give gain_e_per_dn, read_noise_e, black_level_dn and white_level_dn"
+    )]
+    NotCounts,
     /// There is no dark.
     #[error("no dark frame: a black level needs at least one")]
     NoDarks,

@@ -9,6 +9,10 @@ pub mod darks;
 pub mod transfer;
 pub mod white;
 
+use crate::error::EstimateError;
+use physics::Frame;
+use physics::frame::Samples;
+
 /// A number found from the data, with its standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -16,6 +20,14 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard uncertainty.
     pub u: f64,
+}
+
+/// The samples of a frame, if they are the counts of a converter.
+fn counts(frame: &Frame) -> Result<&[u16], EstimateError> {
+    match &frame.samples {
+        Samples::U16(counts) => Ok(counts),
+        Samples::F32(_) => Err(EstimateError::NotCounts),
+    }
 }
 
 /// Standard deviations from the median beyond which a difference is no noise: a hot pixel, a

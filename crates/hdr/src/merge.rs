@@ -36,6 +36,8 @@ pub struct Merge {
     floor: Vec<f32>,
     /// The dark of the last, longest frame, DN, and how many frames it is the mean of.
     dark: (Vec<f32>, u32),
+    /// What rounding adds to the variance of the last frame, DN².
+    rounding_variance: f64,
     frames: Vec<FrameReport>,
 }
 
@@ -96,6 +98,7 @@ impl Merge {
             time: vec![],
             floor: vec![],
             dark: (vec![], 0),
+            rounding_variance: 0.0,
             frames: vec![],
         })
     }
@@ -163,6 +166,7 @@ impl Merge {
             buffer.resize(frame.samples.len(), 0.0);
         }
         self.dark.1 = dark.count();
+        self.rounding_variance = frame.samples.rounding_variance();
 
         let sensor = &self.sensor;
         let row = width * channels;
@@ -174,12 +178,13 @@ impl Merge {
             neighbours_limit: (sensor.black_level_dn + PREDICTED_FULL * span) as f32,
             own_limit: (sensor.black_level_dn + OWN_FULL * span) as f32,
             black: sensor.black_level_dn as f32,
-            read_variance: read_variance(sensor) as f32,
+            read_variance: read_variance(sensor, frame.samples.rounding_variance()) as f32,
             per_electron: (1.0 / sensor.gain_e_per_dn) as f32,
         };
         let mut used_samples = vec![0_u64; channels];
         let mut neighbours = Neighbours::new(row, channels);
         let (mut predicted, mut own) = (vec![0.0; row], vec![0.0; row]);
+        let mut samples = vec![0.0; row];
         let mut used = vec![0.0; row];
         neighbours.advance(Some((&self.sum[..row], &self.time[..row])));
         for y in 0..height {
@@ -188,8 +193,9 @@ impl Merge {
             neighbours
                 .advance((y + 1 < height).then(|| (&self.sum[below.clone()], &self.time[below])));
             neighbours.means(&mut predicted, &mut own);
+            frame.samples.copy_to(here.clone(), &mut samples);
             step.add(
-                &frame.samples[here.clone()],
+                &samples,
                 &dark.sum()[here.clone()],
                 &predicted,
                 &own,
@@ -235,7 +241,10 @@ impl Merge {
         }
         let (width, height, channels) = self.size;
         let sensor = &self.sensor;
-        let (black, read) = (sensor.black_level_dn as f32, read_variance(sensor) as f32);
+        let (black, read) = (
+            sensor.black_level_dn as f32,
+            read_variance(sensor, self.rounding_variance) as f32,
+        );
         let per_electron = (1.0 / sensor.gain_e_per_dn) as f32;
         let prnu = (sensor.prnu_relative * sensor.prnu_relative) as f32;
         let (dark, darks) = &self.dark;
@@ -325,7 +334,7 @@ impl Step {
     /// Adds one row. `used` says afterwards which samples had a weight: 1 or 0.
     fn add(
         &self,
-        samples: &[u16],
+        samples: &[f32],
         dark_sum: &[f32],
         predicted: &[f32],
         own: &[f32],
@@ -344,7 +353,7 @@ impl Step {
         let (used, sum, time) = (&mut used[..n], &mut sum[..n], &mut time[..n]);
         let (floor, level) = (&mut floor[..n], &mut level[..n]);
         for i in 0..n {
-            let sample = f32::from(samples[i]);
+            let sample = samples[i];
             let dark = dark_sum[i] * self.per_dark;
             let good = (sample < self.white)
                 & (dark + predicted[i] * self.exposure <= self.neighbours_limit)
@@ -363,9 +372,9 @@ impl Step {
     }
 }
 
-/// Variance of one read-out without light, with that of rounding to whole DN, DN².
-fn read_variance(sensor: &Sensor) -> f64 {
-    (sensor.read_noise_e / sensor.gain_e_per_dn).powi(2) + 1.0 / 12.0
+/// Variance of one read-out without light, with that of rounding, DN².
+fn read_variance(sensor: &Sensor, rounding_variance: f64) -> f64 {
+    (sensor.read_noise_e / sensor.gain_e_per_dn).powi(2) + rounding_variance
 }
 
 fn check_sensor(sensor: &Sensor) -> Result<(), MergeError> {

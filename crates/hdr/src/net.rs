@@ -52,14 +52,13 @@ impl Net {
         let mut value = vec![f32::NAN; frame.samples.len()];
         let mut dark_mean = vec![0.0; frame.samples.len()];
         let length = frame.width * frame.channels;
+        let mut counts = vec![0.0; length];
         for row in rows(dark.size()) {
             let here = row * length..(row + 1) * length;
-            let samples = frame.samples[here.clone()]
-                .iter()
-                .zip(&dark.sum()[here.clone()]);
+            frame.samples.copy_to(here.clone(), &mut counts);
+            let samples = counts.iter().zip(&dark.sum()[here.clone()]);
             let into = value[here.clone()].iter_mut().zip(&mut dark_mean[here]);
-            for ((value, mean), (sample, sum)) in into.zip(samples) {
-                let sample = f32::from(*sample);
+            for ((value, mean), (&sample, sum)) in into.zip(samples) {
                 *mean = sum * per_dark;
                 *value = if sample < white {
                     sample - *mean

@@ -1,7 +1,9 @@
 //! One exposure as the camera wrote it, and what is known of the sensor behind it.
 
+use std::ops::Range;
+
 /// Raw counts of one exposure.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Pixels in a row.
     pub width: usize,
@@ -10,7 +12,68 @@ pub struct Frame {
     /// Interleaved channels: 1 (Y) or 3 (R, G, B).
     pub channels: usize,
     /// Data numbers, `width`·`height`·`channels` of them, row by row.
-    pub samples: Vec<u16>,
+    pub samples: Samples,
+}
+
+/// Data numbers as they were stored.
+///
+/// Almost every frame is of whole numbers, which take half of the memory and whose rounding is a
+/// part of their variance; frames of 8 bits are widened. Floating-point numbers come from files
+/// that were averaged or calibrated already.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// Whole numbers from 0 to 65535.
+    U16(Vec<u16>),
+    /// Finite numbers of any sign and size.
+    F32(Vec<f32>),
+}
+
+impl Samples {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U16(samples) => samples.len(),
+            Self::F32(samples) => samples.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Copies `range` to `into`, which must be as long.
+    pub fn copy_to(&self, range: Range<usize>, into: &mut [f32]) {
+        match self {
+            Self::U16(samples) => {
+                for (to, from) in into.iter_mut().zip(&samples[range]) {
+                    *to = f32::from(*from);
+                }
+            }
+            Self::F32(samples) => into.copy_from_slice(&samples[range]),
+        }
+    }
+
+    /// All of them as `f32`, which holds every 16-bit number exactly.
+    pub fn to_f32(&self) -> Vec<f32> {
+        let mut all = vec![0.0; self.len()];
+        self.copy_to(0..self.len(), &mut all);
+        all
+    }
+
+    /// Variance that rounding to whole numbers adds, DN².
+    pub fn rounding_variance(&self) -> f64 {
+        match self {
+            Self::U16(_) => 1.0 / 12.0,
+            Self::F32(_) => 0.0,
+        }
+    }
+}
+
+impl From<Vec<u16>> for Samples {
+    fn from(samples: Vec<u16>) -> Self {
+        Self::U16(samples)
+    }
 }
 
 /// Names of the channels of a frame with `count` of them: `Y`, or `R`, `G`, `B`.

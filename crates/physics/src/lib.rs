@@ -33,7 +33,7 @@ pub mod radiance;
 
 pub use dipole::{Dipole, DipoleModel};
 pub use footprint::{Blur, Footprints};
-pub use frame::{Frame, Sensor};
+pub use frame::{Frame, Samples, Sensor};
 pub use fresnel::DiffuseFresnel;
 pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};

@@ -1,10 +1,12 @@
 //! A manifest with its frames: loading, hashing, merging.
 
+use crate::consistency::Consistency;
 use crate::error::{Blame, Error, Kind, Result};
-use crate::files;
 use crate::monitor::Monitor;
+use crate::{exposures, files};
 use formats::capture::FrameEntry;
-use formats::{Capture, decode_frame, parse_capture};
+use formats::metadata::Metadata;
+use formats::{Capture, Depth, decode_frame, parse_manifest};
 use hdr::overlap::Placed;
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
 use physics::{Frame, RadianceMap, Sensor};
@@ -50,6 +52,8 @@ pub struct Loaded {
     pub folder: PathBuf,
     /// The manifest itself.
     pub input: Input,
+    /// Where exposure times were found that it does not state, in sentences.
+    pub notes: Vec<String>,
 }
 
 /// Which of the two sets of frames.
@@ -77,6 +81,10 @@ pub struct Merged {
     pub map: RadianceMap,
     /// What was left out, and where.
     pub report: MergeReport,
+    /// How the samples are stored, and the camera that the files name.
+    pub kind: (Option<Depth>, Option<String>),
+    /// What the files themselves gave reason to say, in sentences.
+    pub notes: Vec<String>,
     /// Every frame and dark.
     pub inputs: Vec<Input>,
     /// What the frames say of each other.
@@ -109,14 +117,22 @@ impl Monitor for Quiet<'_> {
 ///
 /// # Errors
 ///
-/// It cannot be read, or names the field that cannot be used.
+/// It cannot be read, or names the field that cannot be used; or a frame that is to tell its
+/// exposure time does not.
 pub fn load(path: &Path) -> Result<Loaded> {
     let text = files::read_text(path)?;
-    let capture = parse_capture(&text).input(path.display())?;
+    let manifest = parse_manifest(&text).input(path.display())?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let unit = manifest.camera.fits_exposure_unit;
+    let mut notes = vec![];
+    let capture = manifest
+        .resolved(|field, frames| exposures::find(&folder, field, frames, unit, &mut notes))?;
+    capture.check_frames().input(path.display())?;
     Ok(Loaded {
         capture,
-        folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+        folder,
         input: Input::named_by_itself(path, text.as_bytes()),
+        notes,
     })
 }
 
@@ -161,7 +177,7 @@ impl Loaded {
         let comparison = overlap.finish();
         self.check_frames(subject, &comparison)?;
         let uses_measured = comparison.prefers_measured();
-        let (map, report, inputs) = if uses_measured {
+        let (map, report, inputs, seen) = if uses_measured {
             // The frames once more, each as long as the others say that it was.
             self.merge_as(subject, sensor, &Quiet(monitor), |_, index, _, _| {
                 Ok(comparison.frames[index].measured_s)
@@ -169,9 +185,12 @@ impl Loaded {
         } else {
             merged
         };
+        let (frames, _) = self.entries(subject);
         Ok(Merged {
             map,
             report,
+            kind: seen.kind(),
+            notes: seen.notes(frames, sensor.white_level_dn),
             inputs,
             comparison,
             uses_measured,
@@ -185,9 +204,9 @@ impl Loaded {
         sensor: &Sensor,
         monitor: &dyn Monitor,
         mut exposure: impl FnMut(&FrameEntry, usize, &Frame, &DarkFrame) -> Result<f64>,
-    ) -> Result<(RadianceMap, MergeReport, Vec<Input>)> {
+    ) -> Result<(RadianceMap, MergeReport, Vec<Input>, Consistency)> {
         let mut merge: Option<Merge> = None;
-        let inputs = self.with_darks(subject, monitor, |entry, frame, dark, index| {
+        let (inputs, seen) = self.with_darks(subject, monitor, |entry, frame, dark, index| {
             let merge = match &mut merge {
                 Some(merge) => merge,
                 none => none.insert(
@@ -203,7 +222,7 @@ impl Loaded {
         let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
         let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
         let (map, report) = merge.finish().input(place)?;
-        Ok((map, report, inputs))
+        Ok((map, report, inputs, seen))
     }
 
     /// Refuses a frame that does not belong to the others.
@@ -242,9 +261,10 @@ impl Loaded {
         subject: Subject,
         monitor: &dyn Monitor,
         mut each: impl FnMut(&FrameEntry, &Frame, &DarkFrame, usize) -> Result<()>,
-    ) -> Result<Vec<Input>> {
+    ) -> Result<(Vec<Input>, Consistency)> {
         let (frames, darks) = self.entries(subject);
         let mut inputs = Vec::with_capacity(frames.len() + darks.len());
+        let mut seen = Consistency::default();
         let mut dark: Option<DarkFrame> = None;
         for (index, entry) in by_exposure(frames).into_iter().enumerate() {
             monitor.check()?;
@@ -253,14 +273,14 @@ impl Loaded {
                 .as_ref()
                 .is_none_or(|d| d.exposure_s() != entry.exposure_s)
             {
-                dark = Some(self.dark(entry, darks, &mut inputs, monitor)?);
+                dark = Some(self.dark(entry, darks, &mut inputs, &mut seen, monitor)?);
             }
             let dark = dark.as_ref().expect("it was made just above");
-            let frame = self.frame(entry, &mut inputs)?;
+            let frame = self.frame(entry, &mut inputs, &mut seen)?;
             each(entry, &frame, dark, index)?;
             monitor.step();
         }
-        Ok(inputs)
+        Ok((inputs, seen))
     }
 
     /// The frames and the darks of `subject`.
@@ -280,11 +300,12 @@ impl Loaded {
         entry: &FrameEntry,
         darks: &[FrameEntry],
         inputs: &mut Vec<Input>,
+        seen: &mut Consistency,
         monitor: &dyn Monitor,
     ) -> Result<DarkFrame> {
         let mut sum: Option<DarkFrame> = None;
         for dark in darks.iter().filter(|d| d.same_exposure(entry)) {
-            let frame = self.frame(dark, inputs)?;
+            let frame = self.frame(dark, inputs, seen)?;
             let place = self.place(&dark.file);
             match &mut sum {
                 Some(sum) => sum.add(&frame).input(place)?,
@@ -298,12 +319,24 @@ impl Loaded {
         })
     }
 
-    pub(crate) fn frame(&self, entry: &FrameEntry, inputs: &mut Vec<Input>) -> Result<Frame> {
+    pub(crate) fn frame(
+        &self,
+        entry: &FrameEntry,
+        inputs: &mut Vec<Input>,
+        seen: &mut Consistency,
+    ) -> Result<Frame> {
         let path = self.folder.join(&entry.file);
+        let camera = &self.capture.camera;
         let bytes = files::read(&path)?;
-        let frame = decode_frame(&bytes).input(path.display())?;
-        inputs.push(Input::new(&path, &entry.file, &bytes));
-        Ok(frame)
+        let decoded = decode_frame(&bytes).input(path.display())?;
+        let input = Input::new(&path, &entry.file, &bytes);
+        let metadata = Metadata::read(&bytes);
+        let unit = camera.fits_exposure_unit;
+        seen.see(entry, &input.blake3, &decoded, &metadata, unit)
+            .map_err(|error| error.within(self.input.path.display()))?;
+        inputs.push(input);
+        let stated_linear = camera.response.is_some();
+        decoded.linear(stated_linear).input(path.display())
     }
 
     pub(crate) fn place(&self, file: &str) -> String {
@@ -392,7 +425,11 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
         cells.join(", ")
     };
     let what = subject.field();
-    let mut lines = vec![];
+    let mut lines: Vec<String> = merged
+        .notes
+        .iter()
+        .map(|note| format!("{what}: {note}"))
+        .collect();
     for frame in &merged.report.frames {
         if frame.saturated.iter().any(|n| *n > 0) {
             let shares = &mut frame.saturated.iter().map(|n| {

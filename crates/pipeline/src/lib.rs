@@ -10,6 +10,7 @@
 //! | [`files`] | reading with names, writing whole or not at all |
 //! | [`capture`] | a manifest with its frames: loading, hashing, merging |
 //! | [`sensing`] | the numbers of the camera, stated or found |
+//! | [`init`] | a manifest to be filled in, from a folder of frames |
 //! | [`measure`] | the main job: frames to materials |
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
 //! | [`confirm`] | a fit against counted photons |
@@ -21,10 +22,13 @@
 
 pub mod capture;
 pub mod confirm;
+mod consistency;
 pub mod error;
+mod exposures;
 pub mod files;
 pub mod fit_json;
 pub mod fitting;
+pub mod init;
 pub mod library;
 pub mod measure;
 pub mod monitor;

@@ -76,6 +76,27 @@ pub struct Measurement {
     pub assumptions: Vec<String>,
 }
 
+/// Sample and reference must come from one camera, as far as their files tell.
+fn refuse_other_camera(loaded: &Loaded, sample: &Merged, reference: &Merged) -> Result<()> {
+    let ((depth, camera), (white_depth, white_camera)) = (&sample.kind, &reference.kind);
+    let told = |depth: &Option<_>, camera: &Option<String>| {
+        let depth = depth.map_or(String::new(), |depth: formats::Depth| depth.to_string());
+        format!("{depth} {}", camera.as_deref().unwrap_or_default())
+    };
+    let other = camera.is_some() && white_camera.is_some() && camera != white_camera;
+    if depth == white_depth && !other {
+        return Ok(());
+    }
+    let message = format!(
+        "{}: the frames of the sample ({}) and of the reference ({}) differ: expected the same \
+         camera and counts for both",
+        loaded.input.path.display(),
+        told(depth, camera).trim(),
+        told(white_depth, white_camera).trim()
+    );
+    Err(Error::new(Kind::Input, message))
+}
+
 /// Merges sample and reference, and scales the one by the other.
 ///
 /// # Errors
@@ -100,7 +121,8 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         );
         return Err(Error::new(Kind::Input, message));
     }
-    let mut merge_lines = vec![];
+    refuse_other_camera(loaded, &sample, &reference)?;
+    let mut merge_lines = loaded.notes.clone();
     for (subject, merged) in [(Subject::Sample, &sample), (Subject::Reference, &reference)] {
         merge_lines.extend(exposure_lines(subject, merged));
         merge_lines.extend(capture::merge_lines(subject, merged));

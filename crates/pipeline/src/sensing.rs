@@ -1,6 +1,7 @@
 //! The numbers of the camera: as the manifest states them, or as the frames show them.
 
 use crate::capture::{Loaded, Subject, by_exposure};
+use crate::consistency::Consistency;
 use crate::error::{Blame, Result};
 use crate::monitor::Monitor;
 use hdr::EstimateError;
@@ -160,7 +161,7 @@ impl Loaded {
         entries.dedup_by(|a, b| a.file == b.file);
         for entry in entries {
             monitor.check()?;
-            let frame = self.frame(entry, &mut vec![])?;
+            let frame = self.frame(entry, &mut vec![], &mut Consistency::default())?;
             darks
                 .add(frame, entry.exposure_s)
                 .input(self.place(&entry.file))?;
@@ -175,7 +176,7 @@ impl Loaded {
             white.restart();
             for entry in by_exposure(self.entries(subject).0) {
                 monitor.check()?;
-                let frame = self.frame(entry, &mut vec![])?;
+                let frame = self.frame(entry, &mut vec![], &mut Consistency::default())?;
                 white
                     .add(&frame, entry.exposure_s)
                     .input(self.place(&entry.file))?;

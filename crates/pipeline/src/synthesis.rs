@@ -188,6 +188,7 @@ fn manifest_of(sample: &Sample, capture: &Capture, shots: &[Shot]) -> manifest::
             white_level_dn: Some(sensor.white_level_dn),
             prnu_relative: sensor.prnu_relative,
             response: None,
+            fits_exposure_unit: None,
         },
         model: manifest::Model {
             entry_loss: camera.entry_loss,

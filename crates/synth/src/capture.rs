@@ -222,12 +222,15 @@ impl Capture {
             width: self.camera.width,
             height: self.camera.height,
             channels: self.camera.channels.count(),
-            samples: self.pixels.expose(
-                light,
-                shot.exposure_s * self.shutter(shot),
-                self.truth.seed,
-                identity,
-            ),
+            samples: self
+                .pixels
+                .expose(
+                    light,
+                    shot.exposure_s * self.shutter(shot),
+                    self.truth.seed,
+                    identity,
+                )
+                .into(),
         }
     }
 

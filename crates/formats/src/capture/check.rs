@@ -1,6 +1,7 @@
 //! The door through which a manifest enters.
 
-use super::{Capture, FrameEntry, PerChannel};
+use super::draft::PLACEHOLDER;
+use super::{Capture, FrameEntry, Frames, PerChannel, Reference, Sample};
 use crate::toml_text::{TomlError, parse_toml};
 use std::collections::BTreeMap;
 use std::ops::{Bound, RangeBounds};
@@ -26,6 +27,15 @@ pub enum CaptureError {
     /// The text does not fit.
     #[error(transparent)]
     Toml(#[from] TomlError),
+    /// What `beamspot init` could not know and nobody has filled in.
+    #[error(
+        "field {} is still \"?\": fill in what is true of the set-up",
+        .0.iter().map(|field| format!("`{field}`")).collect::<Vec<_>>().join(", ")
+    )]
+    Placeholder(Vec<String>),
+    /// A frame whose exposure time is to be found in its file.
+    #[error("field `{0}`: the exposure times are not written here; expected exposure_s")]
+    ExposureElsewhere(&'static str),
     /// Something that the manifest may say one day.
     #[error("field `{field}` is not supported yet: {instead}")]
     NotSupported {
@@ -132,13 +142,53 @@ pub enum CaptureError {
 ///
 /// [`CaptureError`] names the field of the first fault.
 pub fn parse_capture(text: &str) -> Result<Capture, CaptureError> {
+    let capture = parse_manifest(text)?.resolved(|field, frames| {
+        frames
+            .stated()
+            .ok_or(CaptureError::ExposureElsewhere(field))
+    })?;
+    capture.check_frames()?;
+    Ok(capture)
+}
+
+/// The manifest `text`, checked but for its frames, whose files and exposure times may have to
+/// be looked up first.
+///
+/// # Errors
+///
+/// [`CaptureError`] names the field of the first fault.
+pub fn parse_manifest(text: &str) -> Result<Capture<Frames>, CaptureError> {
     // A text that is no TOML at all is reported by the second pass, which shows the line.
     if let Ok(table) = text.parse::<Table>() {
         refuse_unsupported(&table)?;
+        let mut open = vec![];
+        placeholders("", &Value::Table(table), &mut open);
+        if !open.is_empty() {
+            return Err(CaptureError::Placeholder(open));
+        }
     }
-    let capture: Capture = parse_toml(text)?;
-    capture.check()?;
-    Ok(capture)
+    let manifest: Capture<Frames> = parse_toml(text)?;
+    manifest.check()?;
+    Ok(manifest)
+}
+
+/// Adds every field of `value` that is yet to be filled in to `open`.
+fn placeholders(field: &str, value: &Value, open: &mut Vec<String>) {
+    match value {
+        Value::String(text) if text == PLACEHOLDER => open.push(field.to_owned()),
+        Value::Table(table) => {
+            let dot = if field.is_empty() { "" } else { "." };
+            for (key, value) in table {
+                placeholders(&format!("{field}{dot}{key}"), value, open);
+            }
+        }
+        Value::Array(list) => {
+            for (i, value) in list.iter().enumerate() {
+                placeholders(&format!("{field}[{i}]"), value, open);
+            }
+        }
+        _ => {}
+    }
 }
 
 /// What other versions of the manifest may say, and what to write today.
@@ -161,6 +211,11 @@ fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
             return refuse(format!("{section}.{key}"), instead);
         }
     }
+    if table.get("camera").and_then(|c| c.get("mosaic")).is_some() {
+        let instead = "separate the channels of the colour filter array first, without \
+                       interpolation, and give one capture for each";
+        return refuse("camera.mosaic".to_owned(), instead);
+    }
     if table.get("channel").is_some() {
         return refuse(
             "channel".to_owned(),
@@ -177,18 +232,11 @@ fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
     }
     for section in ["sample", "reference"] {
         for list in ["frames", "dark"] {
-            match table.get(section).and_then(|s| s.get(list)) {
-                Some(Value::String(_)) => {
-                    let instead = "list each frame as { file = \"…\", exposure_s = … } instead";
-                    return refuse(format!("{section}.{list}"), instead);
-                }
-                Some(Value::Array(frames)) => {
-                    if let Some(i) = frames.iter().position(|f| f.get("wavelength_nm").is_some()) {
-                        let instead = "give one capture for each wavelength instead";
-                        return refuse(format!("{section}.{list}[{i}].wavelength_nm"), instead);
-                    }
-                }
-                _ => {}
+            if let Some(Value::Array(frames)) = table.get(section).and_then(|s| s.get(list))
+                && let Some(i) = frames.iter().position(|f| f.get("wavelength_nm").is_some())
+            {
+                let instead = "give one capture for each wavelength instead";
+                return refuse(format!("{section}.{list}[{i}].wavelength_nm"), instead);
             }
         }
     }
@@ -216,7 +264,7 @@ fn within(
 
 const POSITIVE: (Bound<f64>, Bound<f64>) = (Bound::Excluded(0.0), Bound::Unbounded);
 
-impl Capture {
+impl Capture<Frames> {
     fn check(&self) -> Result<(), CaptureError> {
         const U: &str = "a standard uncertainty of at least 0, or leave it out for the default";
         const ANGLE: &str = "an angle from the normal of at least 0 and below 90 degrees";
@@ -316,11 +364,54 @@ impl Capture {
             (None, Some(_)) => Err(CaptureError::HalfAWhite {
                 missing: "sigma_s_prime_per_mm",
             }),
-            _ => self.check_frames(),
+            _ => Ok(()),
         }
     }
 
-    fn check_frames(&self) -> Result<(), CaptureError> {
+    /// The same with every file and its exposure time, as `find` tells for each list, which it is
+    /// given with the name of its field.
+    ///
+    /// # Errors
+    ///
+    /// What `find` returns.
+    pub fn resolved<E>(
+        self,
+        mut find: impl FnMut(&'static str, Frames) -> Result<Vec<FrameEntry>, E>,
+    ) -> Result<Capture, E> {
+        let (sample, reference) = (self.sample, self.reference);
+        Ok(Capture {
+            material: self.material,
+            eta: self.eta,
+            u_eta: self.u_eta,
+            geometry: self.geometry,
+            beam: self.beam,
+            camera: self.camera,
+            model: self.model,
+            sample: Sample {
+                thickness_mm: sample.thickness_mm,
+                frames: find("sample.frames", sample.frames)?,
+                dark: find("sample.dark", sample.dark)?,
+            },
+            reference: Reference {
+                reflectance: reference.reflectance,
+                u_reflectance: reference.u_reflectance,
+                sigma_s_prime_per_mm: reference.sigma_s_prime_per_mm,
+                sigma_a_per_mm: reference.sigma_a_per_mm,
+                eta: reference.eta,
+                frames: find("reference.frames", reference.frames)?,
+                dark: find("reference.dark", reference.dark)?,
+            },
+        })
+    }
+}
+
+impl Capture {
+    /// Checks the frames: each file once, exposure times above 0 and a dark for each.
+    ///
+    /// # Errors
+    ///
+    /// [`CaptureError`] names the field of the first fault.
+    pub fn check_frames(&self) -> Result<(), CaptureError> {
         let (sample, reference) = (&self.sample, &self.reference);
         let mut seen: BTreeMap<&str, (String, &str)> = BTreeMap::new();
         for (list, frames) in [
@@ -636,7 +727,23 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             (
                 "[ { file = \"white_01.tif\", exposure_s = 0.004 } ]",
                 "\"white/*.tif\"",
-                "field `reference.frames` is not supported yet: list each frame",
+                "field `reference.frames`: the exposure times are not written here",
+            ),
+            (
+                "[ { file = \"white_01.tif\", exposure_s = 0.004 } ]",
+                "[ { file = \"white_01.tif\", exposure = 0.004 } ]",
+                "unknown key `exposure`, did you mean `exposure_s`",
+            ),
+            (
+                "white_01.tif\", exposure_s = 0.004",
+                "white_01.tif\", exposure_s = \"?\"",
+                "field `reference.frames[0].exposure_s` is still \"?\"",
+            ),
+            ("eta = 1.5", "eta = \"?\"", "field `eta` is still \"?\""),
+            (
+                "response = \"linear\"",
+                "mosaic = \"RGGB\"",
+                "field `camera.mosaic` is not supported yet",
             ),
             (
                 "exposure_s = 0.004 }",

@@ -49,6 +49,9 @@ impl Capture {
             if camera.response.is_some() {
                 text.line("response", quoted("linear"));
             }
+            if let Some(unit) = camera.fits_exposure_unit {
+                text.line("fits_exposure_unit", quoted(unit.name()));
+            }
         }
         if *model != Model::default() {
             text.section("model");

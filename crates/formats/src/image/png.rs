@@ -1,11 +1,11 @@
 //! PNG frames.
 
-use super::{ImageError, LARGEST_RATIO, Oddity, sample_count, size_to_write};
+use super::{Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, icc, sample_count, size_to_write};
 use physics::Frame;
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
 use std::io::{Cursor, Write};
 
-pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
+pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let mut reader = Decoder::new(Cursor::new(bytes)).read_info()?;
     let info = reader.info();
     let channels = match info.color_type {
@@ -16,9 +16,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
             return Err(ImageError::Odd(Oddity::Alpha));
         }
     };
-    if info.bit_depth != BitDepth::Sixteen {
-        return Err(ImageError::Depth(info.bit_depth as u32));
-    }
+    let bits = match info.bit_depth {
+        BitDepth::Eight => 8,
+        BitDepth::Sixteen => 16,
+        other => return Err(ImageError::Depth(other as u32)),
+    };
     if info.trns.is_some() {
         return Err(ImageError::Odd(Oddity::Alpha));
     }
@@ -28,21 +30,30 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
     let straight = info
         .gama_chunk
         .is_none_or(|gamma| (gamma.into_value() - 1.0).abs() < 1e-3);
-    if info.srgb.is_some() || !straight {
-        return Err(ImageError::Odd(Oddity::Curve));
-    }
+    let profile = info.icc_profile.as_deref();
+    let curve = info.srgb.is_some() || !straight || profile.is_some_and(icc::bends);
     let (width, height) = (info.width, info.height);
-    let count = sample_count([width, height, channels], bytes.len() as u64, LARGEST_RATIO)?;
-    let mut big_endian = vec![0; 2 * count];
-    reader.next_frame(&mut big_endian)?;
+    let size = [width, height, channels];
+    let count = sample_count(size, bytes.len() as u64, LARGEST_RATIO, bits)?;
+    let mut stored = vec![0; count * bits as usize / 8];
+    reader.next_frame(&mut stored)?;
     // The rest is read for its checksums alone: a file cut short behind its pixels is damaged.
     reader.finish()?;
-    let (pairs, _) = big_endian.as_chunks::<2>();
-    Ok(Frame {
-        width: width as usize,
-        height: height as usize,
-        channels: channels as usize,
-        samples: pairs.iter().map(|pair| u16::from_be_bytes(*pair)).collect(),
+    let samples: Vec<u16> = if bits == 16 {
+        let (pairs, _) = stored.as_chunks::<2>();
+        pairs.iter().map(|pair| u16::from_be_bytes(*pair)).collect()
+    } else {
+        stored.into_iter().map(u16::from).collect()
+    };
+    Ok(Decoded {
+        frame: Frame {
+            width: width as usize,
+            height: height as usize,
+            channels: channels as usize,
+            samples: samples.into(),
+        },
+        depth: Depth::Bits(bits as u16),
+        curve,
     })
 }
 
@@ -52,7 +63,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
 ///
 /// [`ImageError`] for a frame that contradicts itself, or what the writer reports.
 pub fn encode_png(frame: &Frame, out: impl Write) -> Result<(), ImageError> {
-    let (width, height) = size_to_write(frame)?;
+    let (width, height, samples) = size_to_write(frame)?;
     let mut encoder = Encoder::new(out, width, height);
     encoder.set_color(if frame.channels == 1 {
         ColorType::Grayscale
@@ -62,7 +73,7 @@ pub fn encode_png(frame: &Frame, out: impl Write) -> Result<(), ImageError> {
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_compression(Compression::Fast);
     let mut writer = encoder.write_header()?;
-    let big_endian: Vec<u8> = frame.samples.iter().flat_map(|s| s.to_be_bytes()).collect();
+    let big_endian: Vec<u8> = samples.iter().flat_map(|s| s.to_be_bytes()).collect();
     writer.write_image_data(&big_endian)?;
     writer.finish()?;
     Ok(())
@@ -107,20 +118,17 @@ mod tests {
             BitDepth::Sixteen,
             &[0x01, 0x02, 0xff, 0x00],
         );
-        assert_eq!(decode_frame(&bytes).unwrap().samples, [0x0102, 0xff00]);
+        let samples = vec![0x0102, 0xff00].into();
+        assert_eq!(decode_frame(&bytes).unwrap().frame.samples, samples);
     }
 
     #[test]
     fn what_is_no_frame_is_refused_with_its_reason() {
-        use BitDepth::{Eight, Sixteen};
+        use BitDepth::{Eight, Four, Sixteen};
         let cases = [
             (
-                file(ColorType::Grayscale, Eight, &[1, 2]),
-                "found 8 bits per sample",
-            ),
-            (
-                file(ColorType::Rgb, Eight, &[0; 6]),
-                "found 8 bits per sample",
+                file(ColorType::Grayscale, Four, &[1]),
+                "found 4 bits per sample",
             ),
             (file(ColorType::Rgba, Sixteen, &[0; 16]), "alpha"),
             (file(ColorType::GrayscaleAlpha, Sixteen, &[0; 8]), "alpha"),
@@ -136,27 +144,35 @@ mod tests {
                 }),
                 "alpha",
             ),
-            (
-                tuned(ColorType::Grayscale, Sixteen, &[0; 4], |e| {
-                    e.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-                }),
-                "transfer curve",
-            ),
-            (
-                tuned(ColorType::Grayscale, Sixteen, &[0; 4], |e| {
-                    e.set_source_gamma(png::ScaledFloat::new(0.4545));
-                }),
-                "transfer curve",
-            ),
         ];
         for (bytes, expected) in cases {
             let found = message(&bytes);
             assert!(found.contains(expected), "{expected}: {found}");
         }
-        let linear = tuned(ColorType::Grayscale, Sixteen, &[0; 4], |e| {
-            e.set_source_gamma(png::ScaledFloat::new(1.0));
-        });
-        assert!(decode_frame(&linear).is_ok());
+    }
+
+    #[test]
+    fn a_curve_is_refused_whatever_was_stated_and_eight_bits_unless_it_was() {
+        use BitDepth::{Eight, Sixteen};
+        type Tune = fn(&mut Encoder<'_, &mut Vec<u8>>);
+        let curves: [Tune; 2] = [
+            |e| e.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
+            |e| e.set_source_gamma(png::ScaledFloat::new(0.4545)),
+        ];
+        for tune in curves {
+            let bytes = tuned(ColorType::Grayscale, Sixteen, &[0; 4], tune);
+            let error = decode_frame(&bytes).unwrap().linear(true).unwrap_err();
+            assert!(error.to_string().contains("transfer curve"), "{error}");
+        }
+        let straight: Tune = |e| e.set_source_gamma(png::ScaledFloat::new(1.0));
+        let bytes = tuned(ColorType::Grayscale, Sixteen, &[0; 4], straight);
+        assert!(decode_frame(&bytes).unwrap().linear(false).is_ok());
+
+        let decoded = decode_frame(&file(ColorType::Rgb, Eight, &[1, 2, 3, 4, 5, 255])).unwrap();
+        assert_eq!(decoded.depth, Depth::Bits(8));
+        let samples = vec![1, 2, 3, 4, 5, 255].into();
+        assert_eq!(decoded.clone().linear(true).unwrap().samples, samples);
+        assert!(matches!(decoded.linear(false), Err(ImageError::EightBits)));
     }
 
     #[test]

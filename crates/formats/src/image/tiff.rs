@@ -1,7 +1,11 @@
 //! TIFF frames.
 
-use super::{ImageError, LARGEST_RATIO, Oddity, sample_count, size_to_write};
-use physics::Frame;
+use super::{
+    Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, check_finite, icc, interleaved,
+    sample_count, size_to_write,
+};
+use crate::metadata::tags::beyond_the_end;
+use physics::{Frame, Samples};
 use std::io::{Cursor, Seek, Write};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype};
@@ -10,30 +14,58 @@ use tiff::{TiffError, TiffUnsupportedError};
 
 type Reader<'a> = Decoder<Cursor<&'a [u8]>>;
 
-pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
+pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
+    if let Some(needed) = beyond_the_end(bytes) {
+        let found = bytes.len() as u64;
+        return Err(ImageError::Truncated { needed, found });
+    }
     let mut reader = Decoder::new(Cursor::new(bytes)).map_err(|error| match error {
         TiffError::UnsupportedError(TiffUnsupportedError::UnknownInterpretation) => {
             ImageError::Odd(Oddity::Raw)
         }
         other => other.into(),
     })?;
-    let channels = check_kind(&mut reader)?;
+    let (channels, depth) = check_kind(&mut reader)?;
     let (width, height) = reader.dimensions()?;
+    let profile = reader.find_tag_unsigned_vec::<u8>(Tag::IccProfile);
+    let curve = profile?.is_some_and(|profile| icc::bends(&profile));
+    let planar = channels > 1 && tag(&mut reader, Tag::PlanarConfiguration, 1)? != 1;
     let stored = stored_bytes(&mut reader, bytes.len() as u64)?;
     let ratio = match tag(&mut reader, Tag::Compression, 1)? {
         1 => 1,
+        _ if depth == PACKED => return Err(ImageError::Odd(Oddity::CompressedPacked)),
         5 | 8 | 32946 | 32773 => LARGEST_RATIO,
         other => return Err(ImageError::Odd(Oddity::Compression(other))),
     };
-    let count = sample_count([width, height, channels], stored, ratio)?;
-
-    let mut limits = Limits::default();
-    limits.decoding_buffer_size = 2 * count;
-    limits.intermediate_buffer_size = bytes.len();
-    let mut reader = reader.with_limits(limits);
-    let samples = match reader.read_image()? {
-        DecodingResult::U16(samples) if samples.len() == count => samples,
-        _ => return Err(ImageError::Channels(channels)),
+    let bits = match depth {
+        Depth::Bits(bits) => bits.into(),
+        Depth::Float => 32,
+    };
+    let count = sample_count([width, height, channels], stored, ratio, bits)?;
+    let samples = if depth == PACKED {
+        let size = [width, height, channels].map(|n| n as usize);
+        packed(&mut reader, bytes, size, planar)?.into()
+    } else {
+        let mut limits = Limits::default();
+        limits.decoding_buffer_size = count * bits as usize / 8;
+        limits.intermediate_buffer_size = bytes.len();
+        reader = reader.with_limits(limits);
+        let mut result = DecodingResult::U16(vec![]);
+        reader.read_image_to_buffer(&mut result)?;
+        // The decoder leaves planes out rather than exceed its limits.
+        match result {
+            DecodingResult::U8(samples) if samples.len() == count => {
+                let samples: Vec<u16> = samples.into_iter().map(u16::from).collect();
+                Samples::U16(by_pixel(samples, planar))
+            }
+            DecodingResult::U16(samples) if samples.len() == count => {
+                Samples::U16(by_pixel(samples, planar))
+            }
+            DecodingResult::F32(samples) if samples.len() == count => {
+                Samples::F32(by_pixel(samples, planar))
+            }
+            _ => return Err(ImageError::Channels(channels)),
+        }
     };
     // A small copy behind the frame does no harm; a second frame would be lost.
     while reader.more_images() {
@@ -42,20 +74,91 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Frame, ImageError> {
             return Err(ImageError::Odd(Oddity::ManyImages));
         }
     }
-    Ok(Frame {
+    let frame = Frame {
         width: width as usize,
         height: height as usize,
         channels: channels as usize,
         samples,
+    };
+    check_finite(&frame)?;
+    Ok(Decoded {
+        frame,
+        depth,
+        curve,
     })
+}
+
+/// Two samples in three bytes.
+const PACKED: Depth = Depth::Bits(12);
+
+fn by_pixel<T: Copy>(samples: Vec<T>, planar: bool) -> Vec<T> {
+    if planar {
+        interleaved(&samples)
+    } else {
+        samples
+    }
+}
+
+/// Uncompressed 12-bit samples, the high bits first, each row from a byte of its own, which the
+/// decoder does not unpack.
+fn packed(
+    reader: &mut Reader<'_>,
+    bytes: &[u8],
+    [width, height, channels]: [usize; 3],
+    planar: bool,
+) -> Result<Vec<u16>, ImageError> {
+    let in_strips = reader.find_tag(Tag::TileWidth)?.is_none();
+    let offsets = reader.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?;
+    let counts = reader.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?;
+    let (Some(offsets), Some(counts), true) = (offsets, counts, in_strips) else {
+        return Err(ImageError::Odd(Oddity::PackedTiles));
+    };
+    let rows = reader.find_tag_unsigned::<u32>(Tag::RowsPerStrip)?;
+    let rows = rows.map_or(height, |rows| (rows as usize).clamp(1, height.max(1)));
+    let (planes, in_row) = if planar {
+        (channels, width)
+    } else {
+        (1, width * channels)
+    };
+    let row_bytes = (in_row * 3).div_ceil(2);
+    let mut samples = Vec::with_capacity(width * height * channels);
+    let mut strips = offsets.iter().zip(&counts);
+    for plane in 0..planes {
+        for first in (0..height).step_by(rows) {
+            let needed = rows.min(height - first) * row_bytes;
+            let strip = strips.next().and_then(|(offset, count)| {
+                // `stored_bytes` has seen that the strip lies inside the file.
+                let start = usize::try_from(*offset).ok()?;
+                let count = usize::try_from(*count).ok()?.min(needed);
+                bytes.get(start..start.checked_add(count)?)
+            });
+            let strip = strip.filter(|strip| strip.len() == needed);
+            let strip = strip.ok_or(ImageError::ShortStrip {
+                row: first,
+                plane,
+                needed,
+            })?;
+            for row in strip.chunks_exact(row_bytes) {
+                samples.extend((0..in_row).map(|i| {
+                    let at = i / 2 * 3;
+                    if i % 2 == 0 {
+                        u16::from(row[at]) << 4 | u16::from(row[at + 1]) >> 4
+                    } else {
+                        u16::from(row[at + 1] & 15) << 8 | u16::from(row[at + 2])
+                    }
+                }));
+            }
+        }
+    }
+    Ok(by_pixel(samples, planar))
 }
 
 fn tag(reader: &mut Reader<'_>, tag: Tag, default: u16) -> Result<u16, ImageError> {
     Ok(reader.find_tag_unsigned(tag)?.unwrap_or(default))
 }
 
-/// Samples per pixel, 1 or 3, of an image that is a frame of counts.
-fn check_kind(reader: &mut Reader<'_>) -> Result<u32, ImageError> {
+/// Samples per pixel, 1 or 3, and their depth, of an image that is a frame of counts.
+fn check_kind(reader: &mut Reader<'_>) -> Result<(u32, Depth), ImageError> {
     let odd = |oddity| Err(ImageError::Odd(oddity));
     let samples = tag(reader, Tag::SamplesPerPixel, 1)?;
     let extra = reader.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples)?;
@@ -76,21 +179,27 @@ fn check_kind(reader: &mut Reader<'_>) -> Result<u32, ImageError> {
     let bits = reader
         .find_tag_unsigned_vec::<u16>(Tag::BitsPerSample)?
         .unwrap_or(vec![1]);
-    if let Some(other) = bits.iter().find(|bits| **bits != 16) {
+    let formats = sample_format.unwrap_or_default();
+    let first = bits.first().copied().unwrap_or(1);
+    if let Some(other) = bits.iter().find(|bits| **bits != first) {
         return Err(ImageError::Depth((*other).into()));
     }
-    if let Some(other) = sample_format.iter().flatten().find(|format| **format != 1) {
+    let format = formats.first().copied().unwrap_or(1);
+    if let Some(other) = formats.iter().find(|other| **other != format) {
         return odd(Oddity::SampleFormat(*other));
     }
-    if samples > 1 && tag(reader, Tag::PlanarConfiguration, 1)? != 1 {
-        return odd(Oddity::Planar);
-    }
+    let depth = match (format, first) {
+        (1, 8 | 12 | 16) => Depth::Bits(first),
+        (3, 32) => Depth::Float,
+        (1 | 3, other) => return Err(ImageError::Depth(other.into())),
+        (other, _) => return odd(Oddity::SampleFormat(other)),
+    };
     match tag(reader, Tag::FillOrder, 1)? {
         1 => {}
         other => return odd(Oddity::FillOrder(other)),
     }
     match tag(reader, Tag::Orientation, 1)? {
-        1 => Ok(samples.into()),
+        1 => Ok((samples.into(), depth)),
         other => odd(Oddity::Orientation(other)),
     }
 }
@@ -133,12 +242,12 @@ fn stored_bytes(reader: &mut Reader<'_>, length: u64) -> Result<u64, ImageError>
 ///
 /// [`ImageError`] for a frame that contradicts itself, or what the writer reports.
 pub fn encode_tiff(frame: &Frame, out: impl Write + Seek) -> Result<(), ImageError> {
-    let (width, height) = size_to_write(frame)?;
+    let (width, height, samples) = size_to_write(frame)?;
     let mut encoder = TiffEncoder::new(out)?;
     if frame.channels == 1 {
-        encoder.write_image::<colortype::Gray16>(width, height, &frame.samples)?;
+        encoder.write_image::<colortype::Gray16>(width, height, samples)?;
     } else {
-        encoder.write_image::<colortype::RGB16>(width, height, &frame.samples)?;
+        encoder.write_image::<colortype::RGB16>(width, height, samples)?;
     }
     Ok(())
 }
@@ -218,16 +327,21 @@ mod tests {
     #[test]
     fn both_byte_orders() {
         let little = file(false, &[], &[0x02, 0x01, 0x00, 0xff]);
-        assert_eq!(decode_frame(&little).unwrap().samples, [0x0102, 0xff00]);
+        let samples: Samples = vec![0x0102, 0xff00].into();
+        assert_eq!(decode_frame(&little).unwrap().frame.samples, samples);
         let big = file(true, &[], &[0x01, 0x02, 0xff, 0x00]);
-        assert_eq!(decode_frame(&big).unwrap().samples, [0x0102, 0xff00]);
+        assert_eq!(decode_frame(&big).unwrap().frame.samples, samples);
     }
 
     #[test]
     fn what_is_no_frame_is_refused_with_its_reason() {
         let cases = [
-            (vec![(258, 8)], "found 8 bits per sample"),
-            (vec![(258, 12)], "found 12 bits per sample"),
+            (vec![(258, 10)], "found 10 bits per sample"),
+            (vec![(258, 32)], "found 32 bits per sample"),
+            (
+                vec![(258, 12), (259, 5)],
+                "packed 12-bit samples are compressed",
+            ),
             (vec![(262, 0)], "white is zero"),
             (vec![(262, 3), (258, 8)], "palette"),
             (vec![(262, 32803)], "undeveloped RAW"),
@@ -235,7 +349,7 @@ mod tests {
             (vec![(262, 6), (277, 3)], "PhotometricInterpretation is 6"),
             (vec![(277, 2)], "found 2 samples per pixel"),
             (vec![(277, 2), (338, 2)], "alpha"),
-            (vec![(339, 3)], "SampleFormat is 3"),
+            (vec![(339, 3)], "found 16 bits per sample"),
             (vec![(339, 2)], "SampleFormat is 2"),
             (vec![(259, 7)], "Compression is 7"),
             (vec![(266, 2)], "FillOrder is 2"),
@@ -258,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn planar_colours_are_refused_and_not_read_in_part() {
+    fn planar_colours_are_read_in_full() {
         // Three strips, one for each plane, as a planar file has them.
         let mut out = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut out).unwrap();
@@ -285,8 +399,8 @@ mod tests {
             .write_tag(Tag::StripByteCounts, &[4_u32; 3][..])
             .unwrap();
         directory.finish().unwrap();
-        let error = decode_frame(out.get_ref()).unwrap_err();
-        assert!(matches!(error, ImageError::Odd(Oddity::Planar)), "{error}");
+        let frame = decode_frame(out.get_ref()).unwrap().frame;
+        assert_eq!(frame.samples, vec![1, 2, 3, 1, 2, 3].into());
     }
 
     #[test]
@@ -323,7 +437,39 @@ mod tests {
             encoder
                 .write_image::<colortype::Gray16>(64, 64, &samples)
                 .unwrap();
-            assert_eq!(decode_frame(out.get_ref()).unwrap().samples, samples);
+            let decoded = decode_frame(out.get_ref()).unwrap();
+            assert_eq!(decoded.frame.samples, samples.clone().into());
+        }
+    }
+
+    #[test]
+    fn packed_samples_are_unpacked_row_by_row() {
+        // Three samples a row: 5 bytes, of which the last four bits are idle.
+        let rows = [0x12, 0x3a, 0xbc, 0xfe, 0xd0, 0x00, 0x1f, 0xff, 0x80, 0x00];
+        let changes = [(258, 12), (256, 3), (257, 2), (278, 2)];
+        let decoded = decode_frame(&file(false, &changes, &rows)).unwrap();
+        assert_eq!(decoded.depth, PACKED);
+        let expected = vec![0x123, 0xabc, 0xfed, 0x001, 0xfff, 0x800];
+        assert_eq!(decoded.frame.samples, expected.into());
+    }
+
+    #[test]
+    fn floating_point_comes_as_it_is_and_finite() {
+        for (value, fine) in [(-1.5_f32, true), (f32::NAN, false)] {
+            let mut out = Cursor::new(Vec::new());
+            TiffEncoder::new(&mut out)
+                .unwrap()
+                .write_image::<colortype::Gray32Float>(1, 2, &[0.25, value])
+                .unwrap();
+            let decoded = decode_frame(out.get_ref());
+            assert_eq!(decoded.is_ok(), fine);
+            match decoded {
+                Ok(decoded) => {
+                    assert_eq!(decoded.depth, Depth::Float);
+                    assert_eq!(decoded.frame.samples, Samples::F32(vec![0.25, value]));
+                }
+                Err(error) => assert!(error.to_string().contains("pixel 0, 1: found NaN")),
+            }
         }
     }
 }

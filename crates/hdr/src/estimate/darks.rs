@@ -55,12 +55,8 @@ impl Darks {
         check_frame(&frame)?;
         // A stride that no row length shares, so that all columns are seen.
         let step = (frame.samples.len() / MOST + 1) | 1;
-        let mut values: Vec<f32> = frame
-            .samples
-            .iter()
-            .step_by(step)
-            .map(|s| f32::from(*s))
-            .collect();
+        let counts = super::counts(&frame)?;
+        let mut values: Vec<f32> = counts.iter().step_by(step).map(|s| f32::from(*s)).collect();
         let zero = values.iter().filter(|v| **v == 0.0).count() as f64 / values.len() as f64;
         if zero > CLIPPED {
             return Err(EstimateError::BlackClipped { share: zero });
@@ -74,7 +70,7 @@ impl Darks {
             if let Some((before, before_s)) = &self.previous
                 && size(before) == size(&frame)
             {
-                let both = before.samples.iter().zip(&frame.samples).step_by(step);
+                let both = super::counts(before)?.iter().zip(counts).step_by(step);
                 values.clear();
                 values.extend(both.map(|(a, b)| f32::from(*b) - f32::from(*a)));
                 let first = self.means.len() - 2;

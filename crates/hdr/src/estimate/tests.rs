@@ -53,7 +53,7 @@ impl Camera {
     /// A spot that falls by five decades, 0.8 of the full well in 1 ms, or darkness.
     fn expose(&mut self, lit: bool, exposure_s: f64) -> Frame {
         let peak = if lit { 0.8 * self.full_e / 1e-3 } else { 0.0 };
-        let samples = (0..SIDE * SIDE)
+        let samples: Vec<u16> = (0..SIDE * SIDE)
             .map(|i| {
                 let (x, y) = ((i % SIDE) as f64 - 79.7, (i / SIDE) as f64 - 80.2);
                 let light = peak * (-x.hypot(y) / 9.0).exp() * self.sensitivity[i];
@@ -75,7 +75,7 @@ impl Camera {
             width: SIDE,
             height: SIDE,
             channels: 1,
-            samples,
+            samples: samples.into(),
         }
     }
 }
@@ -194,7 +194,7 @@ fn an_evenly_lit_surface_is_not_saturated() {
             width: 200,
             height: 200,
             channels: 1,
-            samples,
+            samples: samples.into(),
         };
         white.add(&frame, t).unwrap();
     }
@@ -224,7 +224,8 @@ fn what_cannot_be_estimated_is_said() {
             channels: 1,
             samples: (0..SIDE * SIDE)
                 .map(|i| (200.0 + scale * i as f64) as u16)
-                .collect(),
+                .collect::<Vec<u16>>()
+                .into(),
         };
         let dark = DarkFrame::new(&ramp(0.0), t).unwrap();
         transfer.add(&ramp(t), &dark, t).unwrap();

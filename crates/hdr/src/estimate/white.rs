@@ -63,7 +63,7 @@ impl White {
         check_exposure(exposure_s)?;
         check_frame(frame)?;
         let mut histogram = vec![0_u64; usize::from(u16::MAX) + 1];
-        for sample in &frame.samples {
+        for sample in super::counts(frame)? {
             histogram[usize::from(*sample)] += 1;
         }
         if let Some(pile) = Pile::at_the_top(&histogram)

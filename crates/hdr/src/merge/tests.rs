@@ -41,7 +41,7 @@ fn expose(
     rng: &mut Pcg64Mcg,
 ) -> Frame {
     let gain = sensor.gain_e_per_dn;
-    let samples = (0..width * height)
+    let samples: Vec<u16> = (0..width * height)
         .map(|i| {
             let light = radiance(i) * gain * exposure_s;
             let electrons = poisson(light, rng)
@@ -55,7 +55,7 @@ fn expose(
         width,
         height,
         channels: 1,
-        samples,
+        samples: samples.into(),
     }
 }
 
@@ -214,7 +214,7 @@ fn tiny(samples: &[u16]) -> Frame {
         width: samples.len(),
         height: 1,
         channels: 1,
-        samples: samples.to_vec(),
+        samples: samples.to_vec().into(),
     }
 }
 
@@ -265,11 +265,14 @@ fn three_channels_do_not_mix() {
         width: 4,
         height: 3,
         channels: 3,
-        samples: (0..36_u16).map(|i| scale * (1 + i % 3) * 1000).collect(),
+        samples: (0..36_u16)
+            .map(|i| scale * (1 + i % 3) * 1000)
+            .collect::<Vec<_>>()
+            .into(),
     };
     let none = |t| {
         let mut dark = frame(1);
-        dark.samples.fill(0);
+        dark.samples = vec![0; 36].into();
         DarkFrame::new(&dark, t).unwrap()
     };
     let mut merge = Merge::new(4, 3, 3, &sensor).unwrap();
@@ -312,7 +315,7 @@ fn each_bad_input_is_named() {
         })
     );
     let short = Frame {
-        samples: vec![1; 3],
+        samples: vec![1; 3].into(),
         ..good.clone()
     };
     assert_eq!(

@@ -24,7 +24,7 @@ fn expose(
     rng: &mut Pcg64Mcg,
     pattern: &[f64],
 ) -> Frame {
-    let samples = (0..side * side)
+    let samples: Vec<u16> = (0..side * side)
         .map(|i| {
             let (x, y) = (
                 (i % side) as f64 - 98.3 - shift[0],
@@ -47,7 +47,7 @@ fn expose(
         width: side,
         height: side,
         channels: 1,
-        samples,
+        samples: samples.into(),
     }
 }
 
@@ -65,7 +65,7 @@ fn compare_at(side: usize, errors: &[f64], shifts: &[[f64; 2]], seed: u64) -> Co
         width: side,
         height: side,
         channels: 1,
-        samples: vec![300; side * side],
+        samples: vec![300; side * side].into(),
     };
     let mut overlap = Overlap::new(&SENSOR);
     for (k, (error, shift)) in errors.iter().zip(shifts).enumerate() {
@@ -211,7 +211,7 @@ fn frames_without_overlap_say_nothing() {
     for exposure in [1.0, 1e5] {
         let frame = expose(SIDE, exposure, [0.0; 2], rng, &pattern);
         let dark = Frame {
-            samples: vec![300; SIDE * SIDE],
+            samples: vec![300; SIDE * SIDE].into(),
             ..frame.clone()
         };
         let dark = DarkFrame::new(&dark, exposure).unwrap();

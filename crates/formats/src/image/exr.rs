@@ -1,0 +1,139 @@
+//! OpenEXR as a frame: Y, or R, G and B, linear by definition.
+
+use super::{Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, check_finite, sample_count};
+use ::exr::compression::Compression;
+use ::exr::image::FlatSamples;
+use ::exr::image::read::image::ReadLayers;
+use ::exr::image::read::layers::ReadChannels;
+use ::exr::math::Vec2;
+use ::exr::meta::MetaData;
+use physics::{Frame, Samples};
+use std::io::Cursor;
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
+    let (width, height, channels) = check_header(bytes)?;
+    let image = ::exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))?;
+    let list = image.layer_data.channel_data.list;
+    // The list is in alphabetical order: B, G, R.
+    let planes: Vec<Vec<f32>> = list
+        .into_iter()
+        .rev()
+        .map(|channel| match channel.sample_data {
+            FlatSamples::F32(samples) => samples,
+            FlatSamples::F16(samples) => samples.into_iter().map(|s| s.to_f32()).collect(),
+            FlatSamples::U32(samples) => samples.into_iter().map(|s| s as f32).collect(),
+        })
+        .collect();
+    let pixels = width as usize * height as usize;
+    if planes.len() != channels || planes.iter().any(|plane| plane.len() != pixels) {
+        return Err(ImageError::Odd(Oddity::ExrLayout));
+    }
+    let samples = match planes.as_slice() {
+        [red, green, blue] => (0..pixels)
+            .flat_map(|i| [red[i], green[i], blue[i]])
+            .collect(),
+        _ => planes.concat(),
+    };
+    let frame = Frame {
+        width: width as usize,
+        height: height as usize,
+        channels,
+        samples: Samples::F32(samples),
+    };
+    check_finite(&frame)?;
+    Ok(Decoded {
+        frame,
+        depth: Depth::Float,
+        curve: false,
+    })
+}
+
+/// Width, height and channels. Refuses what the decoder would allocate for, or leave out, before
+/// it is asked.
+fn check_header(bytes: &[u8]) -> Result<(u32, u32, usize), ImageError> {
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
+    let odd = |oddity| Err(ImageError::Odd(oddity));
+    let [header] = meta.headers.as_slice() else {
+        return odd(Oddity::ExrLayout);
+    };
+    let list = &header.channels.list;
+    if header.deep || list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
+        return odd(Oddity::ExrLayout);
+    }
+    let attributes = &header.own_attributes.other;
+    if attributes
+        .keys()
+        .any(|name| name.as_slice().starts_with(b"beamspot."))
+    {
+        return odd(Oddity::Merged);
+    }
+    let names: Vec<String> = list
+        .iter()
+        .map(|channel| channel.name.to_string())
+        .collect();
+    if names != ["Y"] && names != ["B", "G", "R"] {
+        return Err(ImageError::ExrChannels(names.join(", ")));
+    }
+    let ratio = match header.compression {
+        Compression::Uncompressed => 1,
+        _ => LARGEST_RATIO,
+    };
+    let Vec2(width, height) = header.layer_size;
+    let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
+        return odd(Oddity::ExrLayout);
+    };
+    let size = [width, height, names.len() as u32];
+    // Half floats, the shortest, are the most that the bytes can hold.
+    sample_count(size, bytes.len() as u64, ratio, 16)?;
+    Ok((width, height, names.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::decode_frame;
+    use super::*;
+    use ::exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, Image, Layer, LayerAttributes, WritableImage,
+    };
+
+    fn file(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
+        let list = channels
+            .iter()
+            .map(|(name, samples)| AnyChannel::new(*name, samples.clone()));
+        let channels = AnyChannels::sort(list.collect());
+        let attributes = LayerAttributes::default();
+        let layer = Layer::new((2, 1), attributes, Encoding::SMALL_LOSSLESS, channels);
+        let mut out = Cursor::new(Vec::new());
+        let image = Image::from_layer(layer);
+        image.write().non_parallel().to_buffered(&mut out).unwrap();
+        out.into_inner()
+    }
+
+    #[test]
+    fn colours_come_in_the_order_of_the_camera() {
+        let plane = |a: f32| FlatSamples::F32(vec![a, a + 0.5]);
+        let bytes = file(&[("R", plane(1.0)), ("G", plane(2.0)), ("B", plane(-3.0))]);
+        let frame = decode_frame(&bytes).unwrap().frame;
+        assert_eq!((frame.width, frame.height, frame.channels), (2, 1, 3));
+        let expected = Samples::F32(vec![1.0, 2.0, -3.0, 1.5, 2.5, -2.5]);
+        assert_eq!(frame.samples, expected);
+    }
+
+    #[test]
+    fn other_channels_and_other_numbers_are_refused() {
+        let plane = FlatSamples::F32(vec![0.0; 2]);
+        let found = decode_frame(&file(&[("Y", plane.clone()), ("A", plane)]));
+        let found = found.unwrap_err().to_string();
+        assert!(found.contains("found the channels A, Y"), "{found}");
+        let bad = file(&[("Y", FlatSamples::F32(vec![0.0, f32::INFINITY]))]);
+        let found = decode_frame(&bad).unwrap_err().to_string();
+        assert!(found.contains("pixel 1, 0: found inf"), "{found}");
+    }
+}

@@ -1,0 +1,350 @@
+//! The directories of TIFF, BigTIFF and EXIF: a walk over two of them that copies no pixels.
+
+use super::{Metadata, Source, Stated, TimeUnit, camera};
+
+const IMAGE_DESCRIPTION: u16 = 270;
+const MAKE: u16 = 271;
+const MODEL: u16 = 272;
+const EXPOSURE_TIME: u16 = 33434;
+const EXIF: u16 = 34665;
+const SHUTTER_SPEED: u16 = 37377;
+const SERIAL_NUMBER: u16 = 42033;
+const MICRO_MANAGER: u16 = 51123;
+
+/// What the first directory of a TIFF and its EXIF directory say.
+pub(super) fn read(bytes: &[u8]) -> Metadata {
+    let Some(file) = File::open(bytes) else {
+        return Metadata::default();
+    };
+    let first = file.directory(file.first);
+    let exif = first.get(EXIF).and_then(|tag| file.whole(tag));
+    let exif = exif.map_or_else(Directory::default, |at| file.directory(at));
+    let mut exposures = vec![];
+    // RAW-like TIFF has the time in its first directory; cameras write it into EXIF's own.
+    let time = [&exif, &first].into_iter().find_map(|directory| {
+        let time = file.ratio(directory.get(EXPOSURE_TIME)?)?;
+        (time > 0.0).then_some((time, "ExposureTime"))
+    });
+    let apex = || {
+        let speed = file.ratio(exif.get(SHUTTER_SPEED)?)?;
+        Some(((-speed).exp2(), "ShutterSpeedValue"))
+    };
+    let in_seconds = |source, field: &str, value: f64, unit| {
+        (value > 0.0 && value.is_finite()).then(|| Stated {
+            source,
+            field: field.to_owned(),
+            value,
+            unit: Some(unit),
+        })
+    };
+    if let Some((value, field)) = time.or_else(apex) {
+        exposures.extend(in_seconds(Source::Exif, field, value, TimeUnit::Seconds));
+    }
+    if let Some((value, unit)) = file.text(first.get(IMAGE_DESCRIPTION)).and_then(ome) {
+        exposures.extend(in_seconds(
+            Source::Ome,
+            "ExposureTime of Plane",
+            value,
+            unit,
+        ));
+    }
+    if let Some(value) = file.text(first.get(MICRO_MANAGER)).and_then(micro_manager) {
+        let unit = TimeUnit::Milliseconds;
+        exposures.extend(in_seconds(Source::MicroManager, "Exposure-ms", value, unit));
+    }
+    Metadata {
+        exposures,
+        camera: camera([
+            file.text(first.get(MAKE)),
+            file.text(first.get(MODEL)),
+            file.text(exif.get(SERIAL_NUMBER)),
+        ]),
+    }
+}
+
+/// Where the values of some tag reach to, if that is beyond the end of the file: the decoder would
+/// ask for the memory before it reads them.
+pub(crate) fn beyond_the_end(bytes: &[u8]) -> Option<u64> {
+    let file = File::open(bytes)?;
+    let mut at = file.first;
+    // A chain that bites its tail has no end.
+    for _ in 0..MOST_DIRECTORIES {
+        let directory = file.directory(at);
+        let reach = directory.0.iter().map(|tag| {
+            let width = match tag.kind {
+                3 | 8 => 2,
+                4 | 9 | 11 | 13 => 4,
+                5 | 10 | 12 | 16..=18 => 8,
+                _ => 1,
+            };
+            let length = tag.count.saturating_mul(width);
+            let inside = length <= tag.field.len() as u64;
+            if inside {
+                0
+            } else {
+                file.unsigned(tag.field).saturating_add(length)
+            }
+        });
+        let reach = reach.max().unwrap_or(0);
+        if reach > bytes.len() as u64 {
+            return Some(reach);
+        }
+        at = file.next(at)?;
+    }
+    None
+}
+
+/// More than a file with one frame and its small copies has; one with more is refused for it.
+const MOST_DIRECTORIES: usize = 64;
+
+/// Time and unit of the planes of an OME-XML text, where all agree.
+fn ome(text: &str) -> Option<(f64, TimeUnit)> {
+    if !text.contains("<OME") {
+        return None;
+    }
+    let attribute = |plane: &'_ str, name: &str| {
+        let behind = plane.split_once(name)?.1.split_once('"')?.1;
+        Some(behind.split_once('"')?.0.to_owned())
+    };
+    let mut planes = text.split("<Plane ").skip(1).map(|plane| {
+        let plane = plane.split('>').next().unwrap_or_default();
+        let value: f64 = attribute(plane, "ExposureTime=")?.parse().ok()?;
+        // The schema's default is a second.
+        let unit = attribute(plane, "ExposureTimeUnit=");
+        Some((
+            value,
+            unit.map_or(Some(TimeUnit::Seconds), |u| TimeUnit::of(&u))?,
+        ))
+    });
+    let first = planes.next()??;
+    planes.all(|plane| plane == Some(first)).then_some(first)
+}
+
+/// Milliseconds in Micro-Manager's JSON.
+fn micro_manager(text: &str) -> Option<f64> {
+    let json: serde_json::Value = serde_json::from_str(text).ok()?;
+    let value = json.get("Exposure-ms")?;
+    let typed = value.get("scalar").unwrap_or(value);
+    typed.as_f64().or_else(|| typed.as_str()?.parse().ok())
+}
+
+/// A tag: its type, how many values, and the bytes that hold them or point at them.
+#[derive(Clone, Copy, Debug)]
+struct Tag<'a> {
+    number: u16,
+    kind: u16,
+    count: u64,
+    field: &'a [u8],
+}
+
+#[derive(Default)]
+struct Directory<'a>(Vec<Tag<'a>>);
+
+impl<'a> Directory<'a> {
+    fn get(&self, number: u16) -> Option<Tag<'a>> {
+        self.0.iter().find(|tag| tag.number == number).copied()
+    }
+}
+
+struct File<'a> {
+    bytes: &'a [u8],
+    little: bool,
+    big: bool,
+    first: u64,
+}
+
+impl<'a> File<'a> {
+    fn open(bytes: &'a [u8]) -> Option<Self> {
+        let little = match bytes.get(..2)? {
+            b"II" => true,
+            b"MM" => false,
+            _ => return None,
+        };
+        let mut file = Self {
+            bytes,
+            little,
+            big: false,
+            first: 0,
+        };
+        file.big = match file.unsigned(bytes.get(2..4)?) {
+            42 => false,
+            43 => true,
+            _ => return None,
+        };
+        let first = if file.big { 8..16 } else { 4..8 };
+        file.first = file.unsigned(bytes.get(first)?);
+        Some(file)
+    }
+
+    fn unsigned(&self, bytes: &[u8]) -> u64 {
+        let add = |sum: u64, byte: &u8| sum << 8 | u64::from(*byte);
+        if self.little {
+            bytes.iter().rev().fold(0, add)
+        } else {
+            bytes.iter().fold(0, add)
+        }
+    }
+
+    /// The tags of the directory at `offset`, as far as the file has them.
+    fn directory(&self, offset: u64) -> Directory<'a> {
+        let (head, entry, field) = if self.big { (8, 20, 12) } else { (2, 12, 8) };
+        let Some(rest) = usize::try_from(offset)
+            .ok()
+            .and_then(|at| self.bytes.get(at..))
+        else {
+            return Directory::default();
+        };
+        let Some((count, entries)) = rest.split_at_checked(head) else {
+            return Directory::default();
+        };
+        let count = usize::try_from(self.unsigned(count)).unwrap_or(usize::MAX);
+        let tags = entries
+            .chunks_exact(entry)
+            .take(count.min(65536))
+            .map(|tag| Tag {
+                number: self.unsigned(&tag[..2]) as u16,
+                kind: self.unsigned(&tag[2..4]) as u16,
+                count: self.unsigned(&tag[4..field]),
+                field: &tag[field..],
+            });
+        Directory(tags.collect())
+    }
+
+    /// Where the directory behind the one at `offset` stands.
+    fn next(&self, offset: u64) -> Option<u64> {
+        let (head, entry, pointer) = if self.big { (8, 20, 8) } else { (2, 12, 4) };
+        let rest = self.bytes.get(usize::try_from(offset).ok()?..)?;
+        let count = usize::try_from(self.unsigned(rest.get(..head)?)).ok()?;
+        let at = count.checked_mul(entry)?.checked_add(head)?;
+        let next = self.unsigned(rest.get(at..at.checked_add(pointer)?)?);
+        (next != 0).then_some(next)
+    }
+
+    /// The bytes of a tag's values, each `width` wide.
+    fn values(&self, tag: Tag<'a>, width: u64) -> Option<&'a [u8]> {
+        let length = usize::try_from(tag.count.checked_mul(width)?).ok()?;
+        if length <= tag.field.len() {
+            return tag.field.get(..length);
+        }
+        let at = usize::try_from(self.unsigned(tag.field)).ok()?;
+        self.bytes.get(at..at.checked_add(length)?)
+    }
+
+    fn whole(&self, tag: Tag<'a>) -> Option<u64> {
+        // SHORT, LONG, IFD, LONG8, IFD8.
+        let width = match tag.kind {
+            3 => 2,
+            4 | 13 => 4,
+            16 | 18 => 8,
+            _ => return None,
+        };
+        let values = self.values(tag, width)?;
+        Some(self.unsigned(values.get(..width as usize)?))
+    }
+
+    fn ratio(&self, tag: Tag<'a>) -> Option<f64> {
+        let values = self.values(tag, 8)?;
+        let (above, below) = (
+            self.unsigned(values.get(..4)?) as u32,
+            self.unsigned(values.get(4..8)?) as u32,
+        );
+        let ratio = match tag.kind {
+            5 => f64::from(above) / f64::from(below),
+            10 => f64::from(above.cast_signed()) / f64::from(below.cast_signed()),
+            _ => return None,
+        };
+        ratio.is_finite().then_some(ratio)
+    }
+
+    fn text(&self, tag: Option<Tag<'a>>) -> Option<&'a str> {
+        let tag = tag?;
+        if !matches!(tag.kind, 1 | 2 | 7) {
+            return None;
+        }
+        let text = std::str::from_utf8(self.values(tag, 1)?).ok()?;
+        Some(text.trim_end_matches('\0').trim())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A TIFF without pixels: the tags of its first directory, then those of EXIF.
+    fn file(first: &[(u16, u16, u32, [u8; 4])], exif: &[(u16, u16, u32, [u8; 4])]) -> Vec<u8> {
+        let mut out = b"II\x2a\0\x08\0\0\0".to_vec();
+        let after = 8 + 2 + 12 * (first.len() as u32 + 1) + 4;
+        for (list, more) in [(first, true), (exif, false)] {
+            out.extend((list.len() as u16 + u16::from(more)).to_le_bytes());
+            let pointer = (EXIF, 4, 1, after.to_le_bytes());
+            for (number, kind, count, field) in list.iter().chain(more.then_some(&pointer)) {
+                out.extend(number.to_le_bytes());
+                out.extend(kind.to_le_bytes());
+                out.extend(count.to_le_bytes());
+                out.extend(field);
+            }
+            out.extend([0; 4]);
+        }
+        out
+    }
+
+    fn with_ratio(tag: u16, kind: u16, in_first: bool, [above, below]: [i32; 2]) -> Vec<u8> {
+        let pointed = |at: u32| (tag, kind, 1, at.to_le_bytes());
+        let build = |at| match in_first {
+            true => file(&[pointed(at)], &[]),
+            false => file(&[], &[pointed(at)]),
+        };
+        let mut out = build(build(0).len() as u32);
+        out.extend(above.to_le_bytes());
+        out.extend(below.to_le_bytes());
+        out
+    }
+
+    #[test]
+    fn times_are_found_in_either_directory() {
+        let cases = [
+            (with_ratio(EXPOSURE_TIME, 5, true, [1, 250]), 0.004),
+            (with_ratio(EXPOSURE_TIME, 5, false, [1, 250]), 0.004),
+            (with_ratio(SHUTTER_SPEED, 10, false, [3, 1]), 0.125),
+            (with_ratio(SHUTTER_SPEED, 10, false, [-2, 1]), 4.0),
+        ];
+        for (bytes, seconds) in cases {
+            let found = read(&bytes).exposure("", None).unwrap().unwrap();
+            assert_eq!(found.seconds, seconds);
+        }
+        let none = with_ratio(EXPOSURE_TIME, 5, true, [1, 0]);
+        assert_eq!(read(&none), Metadata::default());
+    }
+
+    #[test]
+    fn microscopes_write_their_own() {
+        let plane =
+            |more: &str| format!("<OME><Plane TheC=\"0\" ExposureTime=\"20.0\"{more}/></OME>");
+        assert_eq!(ome(&plane("")), Some((20.0, TimeUnit::Seconds)));
+        let unit = plane(" ExposureTimeUnit=\"ms\"");
+        assert_eq!(ome(&unit), Some((20.0, TimeUnit::Milliseconds)));
+        assert_eq!(ome("<Plane ExposureTime=\"20\"/>"), None);
+        assert_eq!(micro_manager(r#"{"Exposure-ms": 12.5}"#), Some(12.5));
+        assert_eq!(micro_manager(r#"{"Exposure-ms": "12.5"}"#), Some(12.5));
+        assert_eq!(micro_manager("{"), None);
+    }
+
+    proptest! {
+        #[test]
+        fn damage_does_not_panic(
+            hits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+            big in any::<bool>(),
+        ) {
+            let mut bytes = with_ratio(EXPOSURE_TIME, 5, false, [1, 250]);
+            if big {
+                bytes[2] = 43;
+            }
+            for (index, value) in hits {
+                let at = index.index(bytes.len());
+                bytes[at] = value;
+            }
+            let _ = read(&bytes);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! What the frames of one set share: depth, camera, and that each is a picture of its own.
+
+use crate::error::{Error, Kind, Result};
+use formats::capture::FrameEntry;
+use formats::metadata::{Metadata, TimeUnit};
+use formats::{Decoded, Depth};
+use physics::Samples;
+use std::collections::BTreeMap;
+
+/// Watches the frames of a set as they are read.
+#[derive(Debug, Default)]
+pub(crate) struct Consistency {
+    first: Option<(String, Depth)>,
+    /// The camera that a file names, and that file.
+    camera: Option<(String, String)>,
+    /// Files by the hash of their bytes.
+    seen: BTreeMap<String, String>,
+    /// Every bit that was set in some sample, and the largest sample.
+    bits: u16,
+    largest: u16,
+    notes: Vec<String>,
+}
+
+impl Consistency {
+    /// Takes note of a frame, whose bytes have the hash `hash`.
+    ///
+    /// # Errors
+    ///
+    /// It is of another depth or camera than those before, or a copy of one of them.
+    pub(crate) fn see(
+        &mut self,
+        entry: &FrameEntry,
+        hash: &str,
+        decoded: &Decoded,
+        metadata: &Metadata,
+        fits_unit: Option<TimeUnit>,
+    ) -> Result<()> {
+        let FrameEntry { file, exposure_s } = entry;
+        let refuse = |message| Err(Error::new(Kind::Input, message));
+        if let Some(before) = self.seen.insert(hash.to_owned(), file.clone()) {
+            return refuse(format!(
+                "{file}: holds the very bytes of {before}: a copy counts one exposure twice; give \
+                 the frame that belongs here, or leave it out"
+            ));
+        }
+        let depth = decoded.depth;
+        match &self.first {
+            Some((before, expected)) if *expected != depth => {
+                return refuse(format!(
+                    "{file}: has {depth} samples, and {before} has {expected} ones: expected the \
+                     same counts in all frames, so save all alike"
+                ));
+            }
+            Some(_) => {}
+            None => self.first = Some((file.clone(), depth)),
+        }
+        if let Some(camera) = &metadata.camera {
+            match &self.camera {
+                Some((before, expected)) if expected != camera => {
+                    return refuse(format!(
+                        "{file}: was taken with `{camera}`, and {before} with `{expected}`: \
+                         expected one camera for all frames"
+                    ));
+                }
+                Some(_) => {}
+                None => self.camera = Some((file.clone(), camera.clone())),
+            }
+        }
+        // The name was asked only where the file says nothing, and what cannot be read
+        // contradicts nothing.
+        let name = file.rsplit('/').next().unwrap_or(file);
+        if let Ok(Some(found)) = metadata.exposure(name, fits_unit)
+            && found.contradicts(*exposure_s)
+        {
+            self.notes.push(format!(
+                "{file}: the manifest says {exposure_s} s and the {} {} s ({}): the manifest was \
+                 believed",
+                found.source, found.seconds, found.field
+            ));
+        }
+        if let Samples::U16(samples) = &decoded.frame.samples {
+            for sample in samples {
+                self.bits |= sample;
+                self.largest = self.largest.max(*sample);
+            }
+        }
+        Ok(())
+    }
+
+    /// Depth and camera, to compare with another set.
+    pub(crate) fn kind(&self) -> (Option<Depth>, Option<String>) {
+        let depth = self.first.as_ref().map(|(_, depth)| *depth);
+        (
+            depth,
+            self.camera.as_ref().map(|(_, camera)| camera.clone()),
+        )
+    }
+
+    /// What is to be said of the set, in sentences.
+    pub(crate) fn notes(self, frames: &[FrameEntry], white_level_dn: f64) -> Vec<String> {
+        let mut notes = self.notes;
+        let mut repeated: Vec<(f64, usize)> = vec![];
+        for frame in frames {
+            match repeated.iter_mut().find(|(s, _)| *s == frame.exposure_s) {
+                Some((_, count)) => *count += 1,
+                None => repeated.push((frame.exposure_s, 1)),
+            }
+        }
+        for (exposure_s, count) in repeated.into_iter().filter(|(_, count)| *count > 1) {
+            notes.push(format!("{count} frames of {exposure_s} s: all were used"));
+        }
+        if matches!(self.first, Some((_, Depth::Bits(9..)))) && self.largest > 0 {
+            let idle = self.bits.trailing_zeros();
+            if idle > 0 {
+                notes.push(format!(
+                    "every count is a multiple of {}: {}-bit data in the high bits of 16",
+                    1 << idle,
+                    16 - idle
+                ));
+            }
+            // A longest exposure that stops at the end of 10, 12 or 14 bits is saturated there.
+            let full = f64::from(self.largest) + 1.0;
+            if matches!(self.largest, 1023 | 4095 | 16383) && white_level_dn >= full {
+                notes.push(format!(
+                    "the largest count is {}, the end of {} bits, and camera.white_level_dn = \
+                     {white_level_dn}: saturated samples may have been taken for measured ones",
+                    self.largest,
+                    full.log2()
+                ));
+            }
+        }
+        notes
+    }
+}
