@@ -14,6 +14,7 @@ fn floors() -> BTreeMap<&'static str, u32> {
         "synth",
         "tables",
         "montecarlo",
+        "transport",
     ] {
         floors.insert(middle, 1);
     }

@@ -8,3 +8,4 @@
 mod camera;
 mod floors;
 mod recovery;
+mod transport;

@@ -78,7 +78,7 @@ pub(crate) struct SynthArgs {
     /// A file with material, eta and coefficients of each channel.
     #[arg(long, value_name = "FILE")]
     pub(crate) medium: Option<PathBuf>,
-    /// Model that makes the light: dipole or jensen2001.
+    /// Model that makes the light: dipole, jensen2001 or monte-carlo (needs --g).
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.
@@ -106,7 +106,8 @@ pub(crate) struct InitArgs {
 /// How to fit.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct FitChoice {
-    /// Model: dipole (exact F_dr) or jensen2001 (the paper's rational fit).
+    /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit) or monte-carlo (the
+    /// transport equation itself; needs --g).
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.

@@ -75,7 +75,7 @@ pub enum Warning {
     },
     /// The residuals are larger than the noise explains.
     #[error(
-        "reduced chi-squared {reduced_chi2:.2}: the residuals are larger than the stated noise, so every uncertainty was widened by {widened:.2}"
+        "reduced chi-squared {reduced_chi2:.2}: the residuals are larger than the stated noise, so every uncertainty was widened by {widened:.2}, which may be far too little: beam and pixels not given, or a model that does not hold (on real materials a closed form is wrong by percents; compare monte-carlo, or the constraint exact, which the model moves less)"
     )]
     PoorFit {
         /// χ² per degree of freedom.

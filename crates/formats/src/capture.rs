@@ -144,6 +144,8 @@ pub struct Model {
     pub entry_loss: bool,
     /// How radiance becomes exitance.
     pub exit: Exit,
+    /// Mean cosine of the scattering angle, for the models that use it.
+    pub g: Option<f64>,
 }
 
 impl Default for Model {
@@ -151,6 +153,7 @@ impl Default for Model {
         Self {
             entry_loss: true,
             exit: Exit::Fresnel,
+            g: None,
         }
     }
 }

@@ -70,4 +70,10 @@ pub trait ForwardModel: Sync {
 
     /// The light that leaves farther than `radius` mm from the beam; the total for 0.
     fn beyond(&self, coefficients: Coefficients, radius: f64) -> f64;
+
+    /// Relative standard error of R_d at `radius` mm that comes from the model's own numerics, a
+    /// table's interpolation for one: against the equation that it solves, not against nature.
+    fn relative_error(&self, _coefficients: Coefficients, _radius: f64) -> f64 {
+        0.0
+    }
 }

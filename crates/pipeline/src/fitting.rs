@@ -97,7 +97,7 @@ pub fn fit_channel(
         let at = |eta: f64| -> Result<Coefficients> {
             let model = library::model(&given.model, eta)?;
             let factor = exit_factor(given.exit, given.eta) / exit_factor(given.exit, eta);
-            let profile = scaled(profile, factor);
+            let profile = scaled(profile, |_| factor);
             let total = total.map(|t| TotalReflectance {
                 total_reflectance: t.total_reflectance * factor,
                 u_total_reflectance: t.u_total_reflectance * factor,
@@ -132,6 +132,19 @@ pub fn fit_channel(
         };
         contributions.push(difference(at(-given.u_fwhm_mm)?, at(given.u_fwhm_mm)?, 0.5));
     }
+    let found = best.coefficients();
+    let own_error = |p: &ProfilePoint| model.relative_error(found, p.radius_mm);
+    if profile.points.iter().any(|p| own_error(p) > 0.0) {
+        // The whole profile off by the model's own standard error, the total not: the worst way.
+        let at = |sign: f64| -> Result<Coefficients> {
+            let profile = scaled(profile, |p| 1.0 + sign * own_error(p));
+            let options = fixed.options(given.eta, u_scale_relative);
+            Ok(fit::fit(&profile, total, &*model, &options)
+                .input(place())?
+                .coefficients())
+        };
+        contributions.push(difference(at(-1.0)?, at(1.0)?, 0.5));
+    }
     Ok(best.with_contributions(&contributions))
 }
 
@@ -161,13 +174,14 @@ fn widened(beam: Beam, change: f64) -> Beam {
     }
 }
 
-fn scaled(profile: &RadialProfile, factor: f64) -> RadialProfile {
+/// The profile with every point times its `factor`.
+fn scaled(profile: &RadialProfile, factor: impl Fn(&ProfilePoint) -> f64) -> RadialProfile {
     let points = profile
         .points
         .iter()
         .map(|p| ProfilePoint {
-            reflectance_per_mm2: p.reflectance_per_mm2 * factor,
-            u_reflectance_per_mm2: p.u_reflectance_per_mm2 * factor,
+            reflectance_per_mm2: p.reflectance_per_mm2 * factor(p),
+            u_reflectance_per_mm2: p.u_reflectance_per_mm2 * factor(p),
             ..*p
         })
         .collect();

@@ -3,6 +3,7 @@
 use crate::error::{Blame, Error, Kind, Result};
 use formats::materials_csv;
 use physics::{DiffuseFresnel, DipoleModel, ForwardModel, Material};
+use transport::TransportModel;
 
 /// Jensen et al. (2001), Figure 5, as `data/materials.csv`.
 const MATERIALS: &str = include_str!("../../../data/materials.csv");
@@ -42,7 +43,7 @@ pub fn material(name: &str) -> Result<Vec<Material>> {
 }
 
 /// The names of the models that a fit can use.
-pub const MODELS: [&str; 2] = ["dipole", "jensen2001"];
+pub const MODELS: [&str; 3] = ["dipole", "jensen2001", "monte-carlo"];
 
 /// Which model, at every relative index.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +52,13 @@ pub struct ModelChoice {
     pub name: String,
     /// Mean cosine of the scattering angle, where it is known.
     pub g: Option<f64>,
+}
+
+impl ModelChoice {
+    /// Whether the model depends on g.
+    pub fn uses_g(&self) -> bool {
+        self.name == "monte-carlo"
+    }
 }
 
 impl Default for ModelChoice {
@@ -77,6 +85,17 @@ pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
     }
     .validated()
     .input("eta")?;
+    if choice.uses_g() {
+        let g = choice.g.ok_or_else(|| {
+            let message = "model monte-carlo needs g, the mean cosine of the scattering angle, which \
+                           shapes the profile near the beam: give --g (0.8 to 0.95 for tissue and \
+                           milk, 0 if scattering is isotropic)";
+            Error::new(Kind::Usage, message)
+        })?;
+        return Ok(Box::new(
+            TransportModel::new(eta, g).input("model monte-carlo")?,
+        ));
+    }
     if let Some(g) = choice.g {
         let message = format!("model {name} does not use g, got {g}: leave it out");
         return Err(Error::new(Kind::Usage, message));

@@ -261,7 +261,8 @@ pub fn profiles(
 pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Result<Measurement> {
     let capture = &loaded.capture;
     // A model that is not there should not take a minute of merging to find out.
-    crate::library::model(&choices.model, capture.eta)?;
+    let model = chosen_model(capture, choices);
+    crate::library::model(&model, capture.eta)?;
     let radiance = radiance(loaded, monitor)?;
     let place = || loaded.input.path.display().to_string();
     monitor.check()?;
@@ -275,7 +276,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     )
     .map_err(|e| e.within(format!("{}: sample", place())))?;
 
-    let given = given(capture, choices);
+    let given = given(capture, choices, model);
     let fits = measured
         .iter()
         .map(|m| {
@@ -363,10 +364,19 @@ fn exit(capture: &manifest::Capture) -> Exit {
     }
 }
 
-fn given(capture: &manifest::Capture, choices: &Choices) -> Given {
+/// The model that was asked for, with the manifest's g where it uses one and none was typed.
+fn chosen_model(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
+    let mut model = choices.model.clone();
+    if model.uses_g() {
+        model.g = model.g.or(capture.model.g);
+    }
+    model
+}
+
+fn given(capture: &manifest::Capture, choices: &Choices, model: ModelChoice) -> Given {
     let fwhm_mm = capture.beam.fwhm_mm;
     Given {
-        model: choices.model.clone(),
+        model,
         constraint: choices.constraint,
         range_mm: choices.range_mm,
         eta: capture.eta,

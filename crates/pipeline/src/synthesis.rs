@@ -126,7 +126,7 @@ pub fn write(
         })?;
         monitor.step();
     }
-    let manifest = manifest_of(sample, &capture, &shots);
+    let manifest = manifest_of(sample, &capture, &shots, model.g);
     outputs.write("capture.toml", |out| {
         Ok(out.write_all(manifest.to_toml().as_bytes())?)
     })?;
@@ -148,7 +148,12 @@ fn seen_by(camera: &Camera, sample: &Sample) -> Sample {
 }
 
 /// What the laboratory would have written down.
-fn manifest_of(sample: &Sample, capture: &Capture, shots: &[Shot]) -> manifest::Capture {
+fn manifest_of(
+    sample: &Sample,
+    capture: &Capture,
+    shots: &[Shot],
+    g: Option<f64>,
+) -> manifest::Capture {
     let camera = capture.camera();
     let sensor = camera.sensor();
     let white = &camera.reference;
@@ -196,6 +201,7 @@ fn manifest_of(sample: &Sample, capture: &Capture, shots: &[Shot]) -> manifest::
                 synth::Exit::Fresnel => manifest::Exit::Fresnel,
                 synth::Exit::Lambert => manifest::Exit::Lambert,
             },
+            g,
         },
         sample: manifest::Sample {
             thickness_mm: None,

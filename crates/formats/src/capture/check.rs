@@ -205,7 +205,6 @@ fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
             "corners_mm",
             "give mm_per_pixel of a camera that looks along the normal",
         ),
-        ("model", "g", "leave it out; the dipole does not use it"),
     ] {
         if table.get(section).and_then(|s| s.get(key)).is_some() {
             return refuse(format!("{section}.{key}"), instead);
@@ -340,6 +339,9 @@ impl Capture<Frames> {
             whites,
             share,
         )?;
+        let cosine = "a mean cosine above -1 and below 1";
+        let cosines = (Bound::Excluded(-1.0), Bound::Excluded(1.0));
+        within("model.g", self.model.g, cosines, cosine)?;
         within("reference.u_reflectance", reference.u_reflectance, 0.0.., U)?;
         within("reference.eta", reference.eta, 1.0..=5.0, INDEX)?;
         let scattering = "a coefficient above 0 mm^-1";
@@ -719,11 +721,7 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
                 "corners_px",
                 "field `geometry.corners_px` is not supported yet",
             ),
-            (
-                "[model]",
-                "[model]\ng = 0.8",
-                "field `model.g` is not supported yet",
-            ),
+            ("[model]", "[model]\ng = 1.0", "field `model.g`"),
             (
                 "[ { file = \"white_01.tif\", exposure_s = 0.004 } ]",
                 "\"white/*.tif\"",

@@ -61,6 +61,7 @@ impl Capture {
                 Exit::Lambert => "lambert",
             };
             text.line("exit", quoted(exit));
+            text.optional("g", model.g);
         }
 
         text.section("sample");
