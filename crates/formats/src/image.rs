@@ -538,34 +538,4 @@ mod tests {
         };
         assert!(encode_tiff(&two, Cursor::new(Vec::new())).is_err());
     }
-
-    /// Speed, by hand: `cargo test -p beamspot-formats --release -- --ignored --nocapture speed`.
-    #[test]
-    #[ignore = "a measurement, not a check"]
-    fn speed() {
-        let frame = Frame {
-            width: 6000,
-            height: 4000,
-            channels: 1,
-            samples: (0..24_000_000_u32)
-                .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u16)
-                .collect::<Vec<_>>()
-                .into(),
-        };
-        for (name, encode) in [
-            ("tiff", tiff_of as fn(&Frame) -> Vec<u8>),
-            ("png", png_of as fn(&Frame) -> Vec<u8>),
-        ] {
-            let start = std::time::Instant::now();
-            let bytes = encode(&frame);
-            let written = start.elapsed();
-            let start = std::time::Instant::now();
-            assert!(decode_frame(&bytes).unwrap().frame == frame);
-            println!(
-                "{name}: write {written:?}, read {:?}, {} bytes",
-                start.elapsed(),
-                bytes.len()
-            );
-        }
-    }
 }
