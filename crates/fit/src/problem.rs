@@ -14,6 +14,8 @@ const NORMAL_95_ONE_SIDED: f64 = 1.644_853_626_951_472;
 /// Residuals beyond noise at this probability widen the uncertainties.
 const POOR_FIT_PROBABILITY: f64 = 1e-3;
 const LOW_ALBEDO: f64 = 0.5;
+/// Standard uncertainties of the scale beyond which it is named.
+const SCALE_OFF: f64 = 4.0;
 const MUCH_LIGHT_OUTSIDE: f64 = 0.05;
 
 /// Where the search stands: the coordinates in which the data are nearly linear.
@@ -497,6 +499,11 @@ impl<'a> Problem<'a> {
                 reduced_chi2,
                 widened,
             });
+        }
+
+        let u_scale = self.options.u_scale_relative;
+        if u_scale > 0.0 && (scale - 1.0).abs() > SCALE_OFF * u_scale {
+            warnings.push(Warning::ScaleOff { scale, u: u_scale });
         }
 
         let covariance = self.covariance(&solution) * (widened * widened);

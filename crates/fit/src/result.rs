@@ -83,6 +83,16 @@ pub enum Warning {
         /// Factor applied to the uncertainties.
         widened: f64,
     },
+    /// The data want another scale than the white reference gives.
+    #[error(
+        "the fit wants the white reference's scale times {scale:.3}, where 1 with u {u:.3} was stated: the model does not hold, or the reference does not; do not trust these coefficients"
+    )]
+    ScaleOff {
+        /// Fitted factor.
+        scale: f64,
+        /// Standard uncertainty stated of it.
+        u: f64,
+    },
     /// The total exceeds what the model can reach.
     #[error(
         "measured total reflectance {total} is above the ceiling {ceiling} of a medium that absorbs nothing, within 3 u: sigma_a is an upper limit"

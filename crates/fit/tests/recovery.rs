@@ -285,6 +285,30 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
     ));
 }
 
+#[test]
+fn a_scale_that_the_reference_does_not_bear_is_named() {
+    let medium = ReducedMedium {
+        sigma_a: 0.0041,
+        sigma_s_prime: 2.62,
+        eta: 1.5,
+    };
+    let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
+    let mut rng = Pcg64::seed_from_u64(9);
+    let options = FitOptions {
+        u_scale_relative: 0.005,
+        ..Default::default()
+    };
+    for (scale, named) in [(1.0, false), (1.1, true)] {
+        let (profile, total) = capture(medium, scale, (1e-3, 1e-8), &mut rng);
+        let found = fit(&profile, Some(&total), &model, &options).unwrap();
+        let warned = found
+            .warnings
+            .iter()
+            .any(|w| matches!(w, fit::Warning::ScaleOff { .. }));
+        assert_eq!(warned, named, "{found:?}");
+    }
+}
+
 /// A total within 3 u of the ceiling is at the bound, with a limit; beyond it is refused above.
 #[test]
 fn a_total_just_above_the_ceiling_is_at_the_bound() {
