@@ -37,15 +37,7 @@ fn ci() -> Result<()> {
         "warnings",
     ])?;
     cargo(&["test", "--workspace"])?;
-    let mut doc = command(
-        "cargo",
-        [
-            "doc",
-            "--workspace",
-            "--no-deps",
-            "--document-private-items",
-        ],
-    );
+    let mut doc = command("cargo", ["doc", "--workspace", "--no-deps"]);
     run(doc.env("RUSTDOCFLAGS", "--deny warnings"))?;
     python()
 }

@@ -4,8 +4,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`options`] | what the caller chooses: constraint, range, blur, entry loss |
-//! | [`result`] | [`Fit`] with its uncertainties, [`Termination`], [`Warning`], [`FitError`] |
+//! | `options` | what the caller chooses: constraint, range, blur, entry loss |
+//! | `result` | [`Fit`] with its uncertainties, [`Termination`], [`Warning`], [`FitError`] |
 //! | `problem` | the weighted residuals, with pixels counted once |
 //! | `solve` | the search: a scan that cannot miss, then Gauss-Newton |
 //! | `range` | which radii a diffusion model can speak for |
