@@ -232,7 +232,7 @@ impl Loaded {
             let place = self.place(&entry.file);
             if placed.is_off(WRONG_EXPOSURE) {
                 let message = format!(
-                    "{place}: exposed {:.4} s as compared with the other frames of {}, and                      exposure_s = {}: expected the same within {:.0} %; correct exposure_s, or                      leave the frame out if light or aperture changed",
+                    "{place}: exposed {:.4} s as compared with the other frames of {}, and exposure_s = {}: expected the same within {:.0} %; correct exposure_s, or leave the frame out if light or aperture changed",
                     placed.measured_s,
                     subject.field(),
                     placed.nominal_s,
@@ -243,7 +243,7 @@ impl Loaded {
             if let Some(length) = placed.shifted(SHIFTED_PX) {
                 let [x, y] = placed.shift_px;
                 let message = format!(
-                    "{place}: shifted by {length:.2} px ({:+.2} right, {:+.2} down) against the                      other frames of {}: expected less than {SHIFTED_PX} px; fix camera and sample,                      and leave the frame out",
+                    "{place}: shifted by {length:.2} px ({:+.2} right, {:+.2} down) against the other frames of {}: expected less than {SHIFTED_PX} px; fix camera and sample, and leave the frame out",
                     x.value,
                     y.value,
                     subject.field()
