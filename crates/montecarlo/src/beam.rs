@@ -1,8 +1,8 @@
 //! Light on its way in.
 
 use crate::error::InvalidSimulation;
-use crate::medium::LayeredMedium;
 use crate::random::Uniform;
+use physics::LayeredMedium;
 use physics::footprint::Beam;
 use physics::fresnel;
 use std::f64::consts::{FRAC_PI_2, LN_2, TAU};

@@ -1,6 +1,6 @@
 //! A photon at a boundary between layers, or between the medium and an outside.
 
-use crate::medium::LayeredMedium;
+use physics::LayeredMedium;
 use physics::fresnel;
 
 /// What becomes of a photon at a boundary.

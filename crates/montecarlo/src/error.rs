@@ -1,78 +1,16 @@
 //! What can be wrong with a simulation that was asked for.
 
 use crate::bins::Axis;
+use physics::layered::InvalidLayers;
 use thiserror::Error;
 
 /// A simulation cannot be run as it was asked for.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum InvalidSimulation {
-    /// There is no layer at all.
-    #[error("the medium has no layer: give at least one")]
-    NoLayer,
-    /// σₐ is negative or not finite.
-    #[error("layer {layer}: absorption coefficient must be at least 0 mm^-1, got {sigma_a} mm^-1")]
-    SigmaA {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-        /// What was given, mm⁻¹.
-        sigma_a: f64,
-    },
-    /// σₛ is negative or not finite.
-    #[error("layer {layer}: scattering coefficient must be at least 0 mm^-1, got {sigma_s} mm^-1")]
-    SigmaS {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-        /// What was given, mm⁻¹.
-        sigma_s: f64,
-    },
-    /// g is not inside (-1, 1).
-    #[error("layer {layer}: mean cosine g must lie between -1 and 1, both excluded, got {g}")]
-    G {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-        /// What was given.
-        g: f64,
-    },
-    /// An index below vacuum's, or beyond what a dielectric has.
-    #[error("{place}: refractive index must lie between 1 and 5, got {eta}")]
-    Eta {
-        /// Whose index it is.
-        place: Place,
-        /// What was given.
-        eta: f64,
-    },
-    /// A thickness that is not positive and finite.
-    #[error(
-        "layer {layer}: thickness must be above 0 mm, got {thickness_mm} mm; \
-         leave it out for a layer without end"
-    )]
-    Thickness {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-        /// What was given, mm.
-        thickness_mm: f64,
-    },
-    /// A layer without end has another one below it.
-    #[error(
-        "layer {layer} has no thickness but is not the last of {layers}: \
-         only the last layer may be without end"
-    )]
-    EndlessAbove {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-        /// How many layers there are.
-        layers: usize,
-    },
-    /// A layer without end that neither absorbs nor scatters.
-    #[error(
-        "layer {layer} has no end and neither absorbs nor scatters: light would never come to \
-         rest; give it a thickness, or leave it out and set the index below"
-    )]
-    ClearEndless {
-        /// Number of the layer, from 1 at the top.
-        layer: usize,
-    },
+    /// The layers do not make a medium.
+    #[error(transparent)]
+    Layers(#[from] InvalidLayers),
     /// A layer without end that scatters and does not absorb: the mean path is infinite.
     #[error(
         "layer {layer} has no end and does not absorb: the mean path of its photons is \
@@ -103,19 +41,6 @@ pub enum InvalidSimulation {
         mean_free_path_mm: f64,
         /// Its thickness, mm.
         thickness_mm: f64,
-    },
-    /// The table of a phase function does not describe one.
-    #[error(
-        "row {row} of the phase function: cosines must increase from -1 to 1, densities be at \
-         least 0 and not all 0; got cosine {cos_theta}, density {density}"
-    )]
-    PhaseTable {
-        /// The offending row, from 1; 0 if it is the table as a whole.
-        row: usize,
-        /// Cosine in that row.
-        cos_theta: f64,
-        /// Density in that row.
-        density: f64,
     },
     /// The beam does not come from above.
     #[error("angle of incidence must be at least 0 and below 90 degrees, got {degrees} degrees")]
@@ -169,27 +94,6 @@ pub enum InvalidSimulation {
         /// What is allowed.
         limit: u64,
     },
-}
-
-/// Whose index is meant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// The outside on which the light falls.
-    Above,
-    /// The outside behind the last layer.
-    Below,
-    /// A layer, from 1 at the top.
-    Layer(usize),
-}
-
-impl std::fmt::Display for Place {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Above => write!(f, "above the medium"),
-            Self::Below => write!(f, "below the medium"),
-            Self::Layer(number) => write!(f, "layer {number}"),
-        }
-    }
 }
 
 /// Two results cannot be put together.

@@ -375,7 +375,7 @@ pub(crate) fn advance<const FMA: bool, const SCATTERING: u8, const FLIGHT: bool>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::phase::Phase;
+    use physics::Phase;
 
     /// Bits from end to end of their range.
     fn bits() -> impl Iterator<Item = u32> {

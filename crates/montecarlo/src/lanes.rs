@@ -10,9 +10,9 @@ use crate::boundary::{Meeting, meet};
 use crate::cells::{BlockCells, Exit, PHOTONS_PER_BLOCK};
 use crate::kernel::{Chunk, Flight, Limits, Scattering, WIDTH};
 use crate::path::{SimdPath, Stepper};
-use crate::phase::Phase;
 use crate::problem::{Flown, Problem, ROULETTE_DEPTH, Trail, roulette};
 use crate::random::{Stream32, Uniform};
+use physics::Phase;
 use std::ops::Range;
 
 /// Chunks of a pool: enough to keep the processor's pipelines full, few enough for its nearest
@@ -197,7 +197,7 @@ impl Pool<'_, '_> {
         chunk.thickness[i] = here.thickness() as f32;
         chunk.g[i] = match here.phase {
             Phase::HenyeyGreenstein { g } => g as f32,
-            Phase::Rayleigh | Phase::Tabulated(_) => 0.0,
+            Phase::Rayleigh | Phase::Tabulated(_) | Phase::Mixture(_) => 0.0,
         };
     }
 

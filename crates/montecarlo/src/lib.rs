@@ -10,8 +10,6 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`medium`] | [`LayeredMedium`]: what the photons walk through |
-//! | [`phase`] | [`Phase`]: how they scatter |
 //! | [`beam`] | [`Incidence`]: how they come in |
 //! | [`cells`] | [`TallySpec`]: what is counted, and exact sums of it |
 //! | [`tally`] | [`Tally`]: what came of it, with standard errors |
@@ -40,9 +38,8 @@ pub mod cells;
 pub mod error;
 mod kernel;
 mod lanes;
-pub mod medium;
+mod medium;
 pub mod path;
-pub mod phase;
 #[doc(hidden)]
 pub mod pieces;
 mod problem;
@@ -55,10 +52,10 @@ pub use beam::{Direction, Incidence};
 pub use bins::Axis;
 pub use boundary::Side;
 pub use cells::{PHOTONS_PER_BLOCK, TallySpec};
-pub use error::{CannotMerge, InvalidSimulation, Place};
-pub use medium::{Layer, LayeredMedium};
+pub use error::{CannotMerge, InvalidSimulation};
 pub use path::SimdPath;
-pub use phase::{Phase, TabulatedPhase};
 pub use physics::footprint::Beam;
+pub use physics::layered::{InvalidLayers, Layer, LayeredMedium, Place};
+pub use physics::phase::{Phase, PhaseMixture, TabulatedPhase};
 pub use simulation::{Simulation, Walk};
 pub use tally::{Binned, Binned2, Estimate, Tally, TallyState, ring_area, solid_angle};

@@ -2,8 +2,8 @@
 
 use crate::beam::Incidence;
 use crate::cells::BlockCells;
-use crate::medium::LayeredMedium;
 use crate::random::{Stream64, Uniform};
+use physics::LayeredMedium;
 
 /// A checked medium, its light, and what is counted.
 #[derive(Clone, Debug)]

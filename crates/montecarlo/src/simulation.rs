@@ -3,11 +3,12 @@
 use crate::beam::Incidence;
 use crate::cells::{BlockCells, Layout, MOST_BLOCKS, PHOTONS_PER_BLOCK, TallySpec};
 use crate::error::{CannotMerge, InvalidSimulation};
-use crate::medium::LayeredMedium;
+use crate::medium;
 use crate::path::SimdPath;
 use crate::problem::Problem;
 use crate::tally::{Tally, TallyState};
 use crate::{lanes, scalar};
+use physics::LayeredMedium;
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -43,14 +44,14 @@ impl Simulation {
         tally: &TallySpec,
         seed: u64,
     ) -> Result<Self, InvalidSimulation> {
-        let medium = medium.validated()?;
+        let medium = medium::walkable(medium)?;
         let incidence = incidence.validated()?;
         let path_cutoff = match tally.path_cutoff_mm {
             Some(path_mm) if !(path_mm > 0.0 && path_mm.is_finite()) => {
                 return Err(InvalidSimulation::Cutoff { path_mm });
             }
             Some(path_mm) => path_mm,
-            None => match medium.lossless_endless() {
+            None => match medium::lossless_endless(&medium) {
                 Some(layer) => return Err(InvalidSimulation::LosslessEndless { layer }),
                 None => f64::INFINITY,
             },

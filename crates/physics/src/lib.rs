@@ -8,6 +8,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`medium`] | what a photon meets ([`Medium`]) and what diffusion sees of it ([`ReducedMedium`]) |
+//! | [`layered`] | [`LayeredMedium`]: plane layers, each with its index and phase function |
 //! | [`fresnel`] | a smooth boundary: reflectance, its averages, the factors of entry and exit |
 //! | [`phase`] | phase functions |
 //! | [`dipole`] | the diffusion dipole of Jensen et al. (2001), its gradient, total and inverse |
@@ -24,6 +25,7 @@ pub mod dipole;
 pub mod footprint;
 pub mod frame;
 pub mod fresnel;
+pub mod layered;
 pub mod material;
 pub mod medium;
 pub mod model;
@@ -35,9 +37,10 @@ pub use dipole::{Dipole, DipoleModel};
 pub use footprint::{Blur, Footprints};
 pub use frame::{Frame, Samples, Sensor};
 pub use fresnel::DiffuseFresnel;
+pub use layered::{Layer, LayeredMedium};
 pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
 pub use model::{ForwardModel, Gradient};
-pub use phase::{HenyeyGreenstein, PhaseFunction};
+pub use phase::{HenyeyGreenstein, Phase, PhaseFunction, PhaseMixture, TabulatedPhase};
 pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
 pub use radiance::{ChannelMap, RadianceMap};

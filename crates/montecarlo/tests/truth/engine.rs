@@ -2,10 +2,11 @@
 
 use crate::statistics::p_value;
 use montecarlo::{
-    CannotMerge, Estimate, Incidence, InvalidSimulation, Layer, LayeredMedium, PHOTONS_PER_BLOCK,
-    Phase, Place, Side, SimdPath, Simulation, TallySpec, Walk,
+    CannotMerge, Estimate, Incidence, InvalidLayers, InvalidSimulation, Layer, LayeredMedium,
+    PHOTONS_PER_BLOCK, Phase, Place, Side, SimdPath, Simulation, TallySpec, Walk,
 };
 use physics::Medium;
+use physics::phase::InvalidPhase;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -209,6 +210,7 @@ fn survival_is_not_capped() {
 
 #[test]
 fn bad_input_is_named() {
+    use InvalidLayers as Layers;
     use InvalidSimulation as Bad;
     let good = Layer {
         sigma_a: 0.1,
@@ -226,29 +228,48 @@ fn bad_input_is_named() {
         Simulation::new(medium, Incidence::PENCIL, spec, 1).map(|_| ())
     };
     let refused = |layer: Layer| new(vec![layer], &TallySpec::default()).unwrap_err();
+    let no_medium = |layer: Layer| match refused(layer) {
+        Bad::Layers(invalid) => invalid,
+        other => panic!("{other:?}"),
+    };
     let g = |g| Layer {
         phase: Phase::HenyeyGreenstein { g },
         ..good.clone()
     };
     let place = Place::Layer(1);
     assert_eq!(new(vec![good.clone()], &TallySpec::default()), Ok(()));
-    assert_eq!(new(vec![], &TallySpec::default()), Err(Bad::NoLayer));
     assert_eq!(
-        refused(Layer {
+        new(vec![], &TallySpec::default()),
+        Err(Layers::NoLayer.into())
+    );
+    assert_eq!(
+        no_medium(Layer {
             eta: 0.9,
             ..good.clone()
         }),
-        Bad::Eta { place, eta: 0.9 }
+        Layers::Eta { place, eta: 0.9 }
     );
-    assert_eq!(refused(g(1.0)), Bad::G { layer: 1, g: 1.0 });
-    assert_eq!(refused(g(-1.0)), Bad::G { layer: 1, g: -1.0 });
+    assert_eq!(
+        no_medium(g(1.0)),
+        Layers::Phase {
+            layer: 1,
+            invalid: InvalidPhase::G(1.0)
+        }
+    );
+    assert_eq!(
+        no_medium(g(-1.0)),
+        Layers::Phase {
+            layer: 1,
+            invalid: InvalidPhase::G(-1.0)
+        }
+    );
     let negative = Layer {
         sigma_a: -1.0,
         ..good.clone()
     };
     assert_eq!(
-        refused(negative),
-        Bad::SigmaA {
+        no_medium(negative),
+        Layers::SigmaA {
             layer: 1,
             sigma_a: -1.0
         }
@@ -258,8 +279,8 @@ fn bad_input_is_named() {
         ..good.clone()
     };
     assert_eq!(
-        refused(infinite),
-        Bad::SigmaS {
+        no_medium(infinite),
+        Layers::SigmaS {
             layer: 1,
             sigma_s: f64::INFINITY
         }
@@ -273,7 +294,7 @@ fn bad_input_is_named() {
         sigma_s: 0.0,
         ..endless.clone()
     };
-    assert_eq!(refused(clear), Bad::ClearEndless { layer: 1 });
+    assert_eq!(no_medium(clear), Layers::ClearEndless { layer: 1 });
     let white = Layer {
         sigma_a: 0.0,
         ..endless.clone()
@@ -284,8 +305,8 @@ fn bad_input_is_named() {
         ..good.clone()
     };
     assert_eq!(
-        refused(flat),
-        Bad::Thickness {
+        no_medium(flat),
+        Layers::Thickness {
             layer: 1,
             thickness_mm: 0.0
         }
@@ -308,10 +329,11 @@ fn bad_input_is_named() {
     let below = new(vec![endless, good.clone()], &TallySpec::default());
     assert_eq!(
         below,
-        Err(Bad::EndlessAbove {
+        Err(Layers::EndlessAbove {
             layer: 1,
             layers: 2
-        })
+        }
+        .into())
     );
 
     let bins = |radius_mm: Vec<f64>| {

@@ -2,8 +2,8 @@
 
 use crate::statistics::p_value;
 use montecarlo::{
-    Beam, Direction, Estimate, Incidence, Layer, LayeredMedium, Phase, Side, SimdPath, Simulation,
-    TabulatedPhase, Tally, TallySpec, Walk,
+    Beam, Direction, Estimate, Incidence, Layer, LayeredMedium, Phase, PhaseMixture, Side,
+    SimdPath, Simulation, TabulatedPhase, Tally, TallySpec, Walk,
 };
 
 fn layer(sigma_a: f64, sigma_s: f64, phase: Phase, eta: f64, thickness: f64) -> Layer {
@@ -43,6 +43,8 @@ fn cases() -> Vec<(&'static str, Simulation)> {
     };
     let normal = Direction::Collimated { angle: 0.0 };
     let haze = TabulatedPhase::new(&[(-1.0, 0.5), (0.5, 0.3), (1.0, 6.0)]).unwrap();
+    let parts = [(0.3, Phase::Tabulated(haze.clone())), (0.7, hg(0.8))];
+    let mixture = Phase::Mixture(PhaseMixture::new(&parts).unwrap());
     let cut = TallySpec {
         path_cutoff_mm: Some(8.0),
         ..spec.clone()
@@ -77,10 +79,20 @@ fn cases() -> Vec<(&'static str, Simulation)> {
             simulation(
                 vec![
                     layer(0.1, 2.0, Phase::Rayleigh, 1.3, 0.5),
-                    layer(0.02, 4.0, Phase::Tabulated(haze), 1.4, 1.0),
+                    layer(0.02, 4.0, Phase::Tabulated(haze.clone()), 1.4, 1.0),
                     layer(5.0, 0.0, hg(0.0), 1.4, f64::INFINITY),
                 ],
                 1.0,
+                Beam::Point,
+                normal,
+                &spec,
+            ),
+        ),
+        (
+            "a mixture of haze and tissue over glass",
+            simulation(
+                vec![layer(0.1, 3.0, mixture, 1.4, 1.5)],
+                1.4,
                 Beam::Point,
                 normal,
                 &spec,
