@@ -29,11 +29,7 @@ pub fn find_center(
     height: usize,
 ) -> Result<[f64; 2], ProfileError> {
     check_size(channel, width, height)?;
-    let picture = Picture {
-        channel,
-        width,
-        height,
-    };
+    let picture = Picture::new(channel, width, height);
     let peak = picture.peak()?;
     let mut threshold = 0.5 * peak.value;
     loop {
@@ -94,17 +90,20 @@ pub(crate) fn check_size(
     Ok(())
 }
 
-struct Picture<'a> {
+/// A channel with its size.
+pub(crate) struct Picture<'a> {
     channel: &'a ChannelMap,
     width: usize,
     height: usize,
 }
 
-struct Peak {
-    pixel: usize,
-    /// Mean over the neighbourhood, its brightest pixel left out, and the uncertainty of that.
-    value: f64,
-    u: f64,
+/// The brightest place.
+pub(crate) struct Peak {
+    pub(crate) pixel: usize,
+    /// Mean over the neighbourhood, its brightest pixel left out.
+    pub(crate) value: f64,
+    /// The standard uncertainty of that.
+    pub(crate) u: f64,
 }
 
 /// Sums over a connected region, each weighted by the square of the height above the
@@ -122,6 +121,23 @@ impl Mask {
     }
 }
 
+impl<'a> Picture<'a> {
+    pub(crate) fn new(channel: &'a ChannelMap, width: usize, height: usize) -> Self {
+        Self {
+            channel,
+            width,
+            height,
+        }
+    }
+
+    /// The value of every pixel, those that were not measured filled in.
+    pub(crate) fn filled(&self) -> Vec<f64> {
+        (0..self.width * self.height)
+            .map(|pixel| self.value(pixel))
+            .collect()
+    }
+}
+
 impl Picture<'_> {
     /// The measured pixels in the 3 × 3 block about `pixel`, clipped at the frame.
     fn block(&self, pixel: usize) -> impl Iterator<Item = usize> + '_ {
@@ -134,7 +150,8 @@ impl Picture<'_> {
         .filter(|i| self.channel.variance[*i].is_finite())
     }
 
-    fn peak(&self) -> Result<Peak, ProfileError> {
+    /// The brightest place, if it stands out of the noise.
+    pub(crate) fn peak(&self) -> Result<Peak, ProfileError> {
         let mut best: Option<Peak> = None;
         for pixel in 0..self.width * self.height {
             let (mut sum, mut variance, mut largest, mut count) = (0.0, 0.0, f64::MIN, 0.0);

@@ -16,6 +16,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`center`] | [`find_center`] |
+//! | [`moments`] | [`beam_moments`]: centre and width after ISO 11146 |
 //! | [`radial`] | [`radial_profile`] |
 //! | [`mod@slice`] | [`slice_profile`] |
 //! | [`scale`] | [`reference_scale`] |
@@ -24,6 +25,7 @@
 pub mod center;
 mod curve;
 pub mod error;
+pub mod moments;
 pub mod radial;
 mod rings;
 pub mod scale;
@@ -32,6 +34,7 @@ mod survey;
 
 pub use center::find_center;
 pub use error::ProfileError;
+pub use moments::{BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
