@@ -13,6 +13,7 @@ fn floors() -> BTreeMap<&'static str, u32> {
         "fit",
         "synth",
         "tables",
+        "layers",
         "montecarlo",
         "transport",
     ] {

@@ -7,5 +7,6 @@
 
 mod camera;
 mod floors;
+mod layers;
 mod recovery;
 mod transport;

@@ -9,6 +9,8 @@ pub enum Axis {
     Radius,
     /// Angle of exit outside, radians from the normal.
     Angle,
+    /// Azimuth of exit, radians from the side to which an oblique beam travels.
+    Azimuth,
     /// Depth below the top of the medium, mm.
     Depth,
     /// Length of the path inside, mm.
@@ -20,6 +22,7 @@ impl std::fmt::Display for Axis {
         f.write_str(match self {
             Self::Radius => "radius",
             Self::Angle => "angle",
+            Self::Azimuth => "azimuth",
             Self::Depth => "depth",
             Self::Path => "path length",
         })

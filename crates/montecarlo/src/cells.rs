@@ -7,6 +7,7 @@
 use crate::bins::{Axis, Bins};
 use crate::boundary::Side;
 use crate::error::InvalidSimulation;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Photons in a block: the unit of work, and of the statistics of tallies to which one photon
 /// contributes many times.
@@ -34,6 +35,10 @@ pub struct TallySpec {
     pub depth_and_radius: bool,
     /// Highest order of scattering told apart.
     pub orders: usize,
+    /// Bins of the azimuth between 0 and 180 degrees, where 0 is the side to which an oblique beam
+    /// travels. With them light that leaves is also counted by order of scattering, angle and
+    /// azimuth together. 0: none.
+    pub azimuth_bins: usize,
     /// Edges of the path length of light that leaves, mm, from 0 upward.
     pub path_mm: Vec<f64>,
     /// Path length at which photons are dropped, mm; what they still carried is told apart.
@@ -65,6 +70,7 @@ pub(crate) struct Layout {
     /// Cells by order: 0 to the highest told apart, and beyond.
     pub(crate) orders: usize,
     pub(crate) radius_and_angle: bool,
+    pub(crate) azimuth: Bins,
     pub(crate) depth_and_radius: bool,
     pub(crate) layers: usize,
 }
@@ -73,7 +79,8 @@ impl Layout {
     pub(crate) fn new(spec: &TallySpec, layers: usize) -> Result<Self, InvalidSimulation> {
         let layout = Self {
             radius: Bins::new(Axis::Radius, &spec.radius_mm)?,
-            angle: Bins::new(Axis::Angle, &angle_edges(spec.angle_bins.min(MOST_CELLS)))?,
+            angle: Bins::new(Axis::Angle, &even(spec.angle_bins, FRAC_PI_2))?,
+            azimuth: Bins::new(Axis::Azimuth, &even(spec.azimuth_bins, PI))?,
             depth: Bins::new(Axis::Depth, &spec.depth_mm)?,
             path: Bins::new(Axis::Path, &spec.path_mm)?,
             orders: spec.orders.min(MOST_CELLS) + 2,
@@ -81,7 +88,8 @@ impl Layout {
             depth_and_radius: spec.depth_and_radius,
             layers,
         };
-        match layout.cells() {
+        let side = layout.side_cells();
+        match layout.cells().max(side) {
             cells if cells > MOST_CELLS => Err(InvalidSimulation::TooManyCells {
                 cells,
                 limit: MOST_CELLS,
@@ -100,7 +108,15 @@ impl Layout {
 
     fn side_cells(&self) -> usize {
         let single = self.radius.cells() + self.angle.cells() + self.path.cells() + self.orders;
-        single + self.joint_exit_cells()
+        (single + self.joint_exit_cells()).saturating_add(self.directional_cells())
+    }
+
+    fn directional_cells(&self) -> usize {
+        if self.azimuth.count() == 0 {
+            return 0;
+        }
+        let directions = self.angle.cells().saturating_mul(self.azimuth.cells());
+        self.orders.saturating_mul(directions)
     }
 
     fn side(&self, side: Side) -> usize {
@@ -132,10 +148,14 @@ impl Layout {
         self.by_order(side) + self.orders
     }
 
+    pub(crate) fn by_order_and_direction(&self, side: Side) -> usize {
+        self.by_radius_and_angle(side) + self.joint_exit_cells()
+    }
+
     /// From here on a photon contributes to a cell more than once, and errors come from the
     /// spread of blocks.
     pub(crate) fn many_times(&self) -> usize {
-        self.side(Side::Below) + self.side_cells()
+        self.side(Side::Below).saturating_add(self.side_cells())
     }
 
     pub(crate) fn by_layer(&self) -> usize {
@@ -160,13 +180,12 @@ impl Layout {
     }
 }
 
-fn angle_edges(bins: usize) -> Vec<f64> {
-    if bins == 0 {
-        return Vec::new();
+/// Edges of so many bins of equal width from 0 to `end`.
+fn even(bins: usize, end: f64) -> Vec<f64> {
+    match bins.min(MOST_CELLS) {
+        0 => Vec::new(),
+        bins => (0..=bins).map(|k| end * k as f64 / bins as f64).collect(),
     }
-    (0..=bins)
-        .map(|k| std::f64::consts::FRAC_PI_2 * k as f64 / bins as f64)
-        .collect()
 }
 
 /// A photon that leaves.
@@ -176,6 +195,8 @@ pub(crate) struct Exit {
     pub(crate) weight: f64,
     pub(crate) radius: f64,
     pub(crate) cos: f64,
+    /// Its direction along the surface, of any length.
+    pub(crate) along: [f64; 2],
     pub(crate) path: f64,
     pub(crate) order: u32,
     /// What the surface reflected of it before it entered.
@@ -254,6 +275,15 @@ impl<'a> BlockCells<'a> {
         if layout.radius_and_angle {
             let joint = radius * layout.angle.cells() + angle;
             self.add(layout.by_radius_and_angle(side) + joint, weight);
+        }
+        if layout.azimuth.count() > 0 {
+            let [x, y] = exit.along;
+            // The last edge, π itself, belongs to the last bin.
+            let azimuth = layout.azimuth.find(y.atan2(x).abs());
+            let azimuth = azimuth.min(layout.azimuth.count() - 1);
+            let direction = angle * layout.azimuth.cells() + azimuth;
+            let joint = order * layout.angle.cells() * layout.azimuth.cells() + direction;
+            self.add(layout.by_order_and_direction(side) + joint, weight);
         }
     }
 

@@ -318,6 +318,7 @@ impl Pool<'_, '_> {
                     weight,
                     radius,
                     cos,
+                    along: [ux, uy],
                     path,
                     order,
                     specular,

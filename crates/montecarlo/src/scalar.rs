@@ -110,6 +110,7 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
                         weight,
                         radius,
                         cos,
+                        along: [ux, uy],
                         path,
                         order,
                         specular,

@@ -342,6 +342,26 @@ impl Tally {
         })
     }
 
+    /// Light that leaves, by order of scattering, then angle (rows) and azimuth (columns) outside,
+    /// radians, if it was asked for. The last entry holds all orders beyond those told apart;
+    /// order 0 on the lit side, the specular part, is left out.
+    pub fn by_order_and_direction(&self, side: Side) -> Option<Vec<Binned2>> {
+        let Layout { angle, azimuth, .. } = &*self.layout;
+        let (start, size) = (
+            self.layout.by_order_and_direction(side),
+            angle.cells() * azimuth.cells(),
+        );
+        (azimuth.count() > 0).then(|| {
+            (0..self.layout.orders)
+                .map(|order| Binned2 {
+                    row_edges: angle.edges().to_vec(),
+                    column_edges: azimuth.edges().to_vec(),
+                    cells: self.cells(start + order * size, size),
+                })
+                .collect()
+        })
+    }
+
     /// Light absorbed, by depth, mm.
     pub fn absorbed_by_depth(&self) -> Option<Binned> {
         let depth = &self.layout.depth;

@@ -13,6 +13,7 @@
 //! | [`phase`] | phase functions |
 //! | [`dipole`] | the diffusion dipole of Jensen et al. (2001), its gradient, total and inverse |
 //! | [`brdf`] | the BSSRDF folded into a BRDF under uniform light |
+//! | [`first_order`] | light that scatters once in a stack of layers (Hanrahan and Krueger 1993) |
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
 //! | [`footprint`] | what one datum of a profile averages over: ring, beam and pixel |
 //! | [`frame`] | [`Frame`] and [`Sensor`]: one exposure, and the sensor behind it |
@@ -22,6 +23,7 @@
 
 pub mod brdf;
 pub mod dipole;
+pub mod first_order;
 pub mod footprint;
 pub mod frame;
 pub mod fresnel;
@@ -34,6 +36,7 @@ pub mod profile;
 pub mod radiance;
 
 pub use dipole::{Dipole, DipoleModel};
+pub use first_order::{FirstOrder, Reflections};
 pub use footprint::{Blur, Footprints};
 pub use frame::{Frame, Samples, Sensor};
 pub use fresnel::DiffuseFresnel;

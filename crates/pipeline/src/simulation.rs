@@ -360,6 +360,7 @@ fn tally_spec(tally: &TallyEntry) -> TallySpec {
         radius_mm: edges(tally.r_max_mm, tally.r_bins),
         angle_bins: tally.angle_bins,
         radius_and_angle: false,
+        azimuth_bins: 0,
         depth_mm: edges(tally.z_max_mm, tally.z_bins),
         depth_and_radius: false,
         orders: tally.orders,

@@ -27,6 +27,7 @@ fn cases() -> Vec<(&'static str, Simulation)> {
         radius_mm: (0..=20).map(|k| 0.15 * f64::from(k)).collect(),
         angle_bins: 12,
         radius_and_angle: true,
+        azimuth_bins: 4,
         depth_mm: (0..=16).map(|k| 0.2 * f64::from(k)).collect(),
         depth_and_radius: true,
         orders: 30,
@@ -147,6 +148,9 @@ fn tallies(tally: &Tally) -> Vec<(String, Vec<Estimate>)> {
         }
         let joint = tally.by_radius_and_angle(side).unwrap();
         all.push((format!("{side:?} by radius and angle"), joint.cells));
+        let directions = tally.by_order_and_direction(side).unwrap();
+        let cells = directions.into_iter().flat_map(|d| d.cells).collect();
+        all.push((format!("{side:?} by order and direction"), cells));
     }
     all
 }
@@ -264,6 +268,13 @@ fn bins_and_beyond_add_up_to_the_total() {
                     "{name}, {side:?}: {sum}, {total}"
                 );
             }
+            let directions = tally.by_order_and_direction(side).unwrap();
+            let cells = directions.iter().flat_map(|d| &d.cells);
+            let sum: f64 = cells.map(|cell| cell.value).sum();
+            assert!(
+                (sum - total).abs() < 1e-13,
+                "{name}, {side:?}: {sum}, {total}"
+            );
             let orders = tally.by_order(side);
             let specular = if side == Side::Above {
                 tally.specular().value
