@@ -14,6 +14,7 @@
 //! | `operator` | how light of one set of directions becomes light of another |
 //! | `slab` | one homogeneous layer: a thin start, doubled |
 //! | `stack` | layers and surfaces added up: [`solve`], [`Response`] |
+//! | `sphere` | the way back: [`SphereSample`] to σₐ, σₛ and g |
 //!
 //! ```
 //! use physics::{LayeredMedium, Medium};
@@ -28,6 +29,8 @@
 mod directions;
 mod operator;
 mod slab;
+mod sphere;
 mod stack;
 
+pub use sphere::{CannotInvert, Found, Inversion, Measured, SphereSample, Third};
 pub use stack::{CannotSolve, Response, solve};

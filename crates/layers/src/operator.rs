@@ -2,6 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Reflected share beyond which light of one direction never leaves: between two total reflections
+/// in a clear slide. None gets there either, so that it may be left out of the sums.
+const TRAPPED: f64 = 1.0 - 1e-14;
+
 /// What a piece of matter does to light: the part that keeps its direction, and the part that does
 /// not.
 ///
@@ -51,10 +55,10 @@ impl Operator {
         let mut system = -self.kernel.clone();
         scale_columns(&mut system, weights);
         let mut right = self.kernel.clone();
+        let leaving = self.direct.map(|a| if a < TRAPPED { 1.0 - a } else { 1.0 });
         for i in 0..count {
-            let kept = 1.0 - self.direct[i];
-            system[(i, i)] += kept;
-            right.column_mut(i).scale_mut(1.0 / kept);
+            system[(i, i)] += leaving[i];
+            right.column_mut(i).scale_mut(1.0 / leaving[i]);
         }
         // Σ Aᵏ converges for whatever matter can do, so that the system has a solution.
         let kernel = system
@@ -62,7 +66,7 @@ impl Operator {
             .solve(&right)
             .unwrap_or_else(|| DMatrix::zeros(count, count));
         Self {
-            direct: self.direct.map(|a| 1.0 / (1.0 - a)),
+            direct: leaving.map(|kept| 1.0 / kept),
             kernel,
         }
     }

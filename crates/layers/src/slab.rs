@@ -107,8 +107,13 @@ impl Slab {
                 .plus(&by_b, 0.5 * tau)
         };
         let (of_down, of_up) = (half(-1.0, -1.0), half(1.0, 1.0));
-        let transmission = of_up.complement().bounces(weights);
+        let mut transmission = of_up.complement().bounces(weights);
         let reflection = transmission.after(&of_down, weights);
+        for (through, cos) in transmission.direct.iter_mut().zip(cosines) {
+            if cos.is_none() {
+                *through = 0.0;
+            }
+        }
         Self {
             reflection: Operator {
                 direct: DVector::zeros(cosines.len()),

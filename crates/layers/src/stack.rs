@@ -9,10 +9,21 @@ use physics::{Layer, LayeredMedium, first_order, fresnel};
 use std::f64::consts::PI;
 use thiserror::Error;
 
-/// Directions on the widest panel.
-const NODES: usize = 24;
-/// Legendre moments of a phase function that are told apart.
-const MOMENTS: usize = 2 * NODES;
+/// How finely directions are told apart.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Resolution {
+    /// Directions on the widest panel.
+    pub(crate) nodes: usize,
+    /// Legendre moments of a phase function.
+    pub(crate) moments: usize,
+}
+
+impl Resolution {
+    pub(crate) const FINE: Self = Self {
+        nodes: 24,
+        moments: 48,
+    };
+}
 
 /// A question that has no answer.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -69,16 +80,16 @@ pub fn solve(
     cos_in: &[f64],
     cos_out: &[f64],
 ) -> Result<Response, CannotSolve> {
-    solve_with(medium, cos_in, cos_out, NODES, MOMENTS)
+    solve_with(medium, cos_in, cos_out, Resolution::FINE)
 }
 
 pub(crate) fn solve_with(
     medium: &LayeredMedium,
     cos_in: &[f64],
     cos_out: &[f64],
-    nodes: usize,
-    moments: usize,
+    resolution: Resolution,
 ) -> Result<Response, CannotSolve> {
+    let Resolution { nodes, moments } = resolution;
     let medium = medium.clone().validated()?;
     for &cos in cos_in.iter().chain(cos_out) {
         if !(cos > 0.0 && cos <= 1.0) {
