@@ -4,6 +4,7 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | `budget` | [`Contribution`]: what each input adds to the uncertainties |
 //! | `options` | what the caller chooses: constraint, range, blur, entry loss |
 //! | `result` | [`Fit`] with its uncertainties, [`Termination`], [`Warning`], [`FitError`] |
 //! | `problem` | the weighted residuals, with pixels counted once |
@@ -14,14 +15,16 @@
 //! the data stay linear down to σₐ = 0. The total falls steadily with absorption, so the paper's
 //! constraint leaves a problem in one dimension.
 
+mod budget;
 mod options;
 mod problem;
 mod range;
 mod result;
 mod solve;
 
+pub use budget::Contribution;
 pub use options::{Constraint, FitOptions};
-pub use result::{Contribution, Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
+pub use result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
 
 use physics::{ForwardModel, RadialProfile, TotalReflectance};
 

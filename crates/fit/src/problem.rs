@@ -1,5 +1,6 @@
 //! The weighted least-squares problem: which data, with which weight, against which model.
 
+use crate::budget::Contribution;
 use crate::options::{Constraint, FitOptions};
 use crate::range;
 use crate::result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
@@ -13,6 +14,8 @@ const NORMAL_95_ONE_SIDED: f64 = 1.644_853_626_951_472;
 
 /// Residuals beyond noise at this probability widen the uncertainties.
 const POOR_FIT_PROBABILITY: f64 = 1e-3;
+/// What the fit itself propagates: the data's noise, the total's, and the shared scale's.
+const OWN: &str = "noise and shared scale";
 const LOW_ALBEDO: f64 = 0.5;
 /// Standard uncertainties of the scale beyond which it is named.
 const SCALE_OFF: f64 = 4.0;
@@ -575,12 +578,24 @@ impl<'a> Problem<'a> {
                 }
             })
             .collect();
+        let correlation = if variance_a > 0.0 && u_s > 0.0 {
+            mixed / (u_a * u_s)
+        } else {
+            0.0
+        };
+        // Noise that was estimated from the residuals is known as well as they tell it.
+        let freedom_of_u = if widened > 1.0 {
+            freedom
+        } else {
+            f64::INFINITY
+        };
         Fit {
             channel: self.profile.channel.clone(),
             sigma_a: Estimate {
                 value: value_a,
                 u: u_a,
                 ci95: (low, high),
+                degrees_of_freedom: freedom_of_u,
             },
             sigma_s_prime: Estimate {
                 value: at.sigma_s_prime,
@@ -589,12 +604,16 @@ impl<'a> Problem<'a> {
                     (at.sigma_s_prime - NORMAL_95_TWO_SIDED * u_s).max(0.0),
                     at.sigma_s_prime + NORMAL_95_TWO_SIDED * u_s,
                 ),
+                degrees_of_freedom: freedom_of_u,
             },
-            correlation: if variance_a > 0.0 && u_s > 0.0 {
-                mixed / (u_a * u_s)
-            } else {
-                0.0
-            },
+            correlation,
+            budget: vec![Contribution {
+                source: OWN.to_owned(),
+                u_sigma_a: u_a,
+                u_sigma_s_prime: u_s,
+                correlation,
+                degrees_of_freedom: freedom_of_u,
+            }],
             upper_limit,
             total,
             scale,

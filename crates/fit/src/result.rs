@@ -1,5 +1,6 @@
 //! What a fit returns.
 
+use crate::budget::Contribution;
 use physics::Coefficients;
 use thiserror::Error;
 
@@ -12,6 +13,8 @@ pub struct Estimate {
     pub u: f64,
     /// Lower and upper end of the 95 % interval.
     pub ci95: (f64, f64),
+    /// Effective degrees of freedom of `u` (JCGM 100, G.4); infinite where it was stated.
+    pub degrees_of_freedom: f64,
 }
 
 /// How the search ended. It always comes with its best estimate.
@@ -128,6 +131,8 @@ pub struct Fit {
     pub sigma_s_prime: Estimate,
     /// Correlation of the errors of the two.
     pub correlation: f64,
+    /// What the uncertainties of both are made of; their squares sum to those of the whole.
+    pub budget: Vec<Contribution>,
     /// 95 % upper limit of σₐ, mm⁻¹, where its interval reaches 0.
     pub upper_limit: Option<f64>,
     /// The total, where one was given.
@@ -151,64 +156,12 @@ pub struct Fit {
     pub residuals: Vec<Residual>,
 }
 
-/// What one input's uncertainty adds to the coefficients: their change for one u of the input.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contribution {
-    /// Change of σₐ, mm⁻¹.
-    pub in_sigma_a: f64,
-    /// Change of σₛ′, mm⁻¹.
-    pub in_sigma_s_prime: f64,
-}
-
 impl Fit {
     /// The coefficients alone.
     pub fn coefficients(&self) -> Coefficients {
         Coefficients {
             sigma_a: self.sigma_a.value,
             sigma_s_prime: self.sigma_s_prime.value,
-        }
-    }
-
-    /// The same fit with the uncertainties of inputs that it took as exact added in quadrature
-    /// (JCGM 100, 5.1.2), independent of each other.
-    pub fn with_contributions(&self, contributions: &[Contribution]) -> Self {
-        let (a, s) = (&self.sigma_a, &self.sigma_s_prime);
-        let (mut aa, mut ss) = (a.u * a.u, s.u * s.u);
-        let mut mixed = self.correlation * a.u * s.u;
-        for c in contributions {
-            aa += c.in_sigma_a * c.in_sigma_a;
-            ss += c.in_sigma_s_prime * c.in_sigma_s_prime;
-            mixed += c.in_sigma_a * c.in_sigma_s_prime;
-        }
-        let widen = |e: &Estimate, u: f64| {
-            if e.u == 0.0 {
-                return Estimate { u, ..*e };
-            }
-            let factor = u / e.u;
-            let (low, high) = e.ci95;
-            Estimate {
-                value: e.value,
-                u,
-                ci95: (
-                    (e.value - (e.value - low) * factor).max(0.0),
-                    e.value + (high - e.value) * factor,
-                ),
-            }
-        };
-        let (sigma_a, sigma_s_prime) = (widen(a, aa.sqrt()), widen(s, ss.sqrt()));
-        let grown = if a.u > 0.0 { sigma_a.u / a.u } else { 1.0 };
-        Self {
-            sigma_a,
-            sigma_s_prime,
-            correlation: if aa > 0.0 && ss > 0.0 {
-                mixed / (aa * ss).sqrt()
-            } else {
-                0.0
-            },
-            upper_limit: self
-                .upper_limit
-                .map(|limit| a.value + (limit - a.value) * grown),
-            ..self.clone()
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::capture::Input;
 use crate::confirm::Confirmation;
-use fit::{Constraint, Estimate, Fit, Termination};
+use fit::{Constraint, Contribution, Estimate, Fit, Termination};
 use serde::Serialize;
 
 /// Version of the layout of every JSON document that beamspot writes.
@@ -48,6 +48,7 @@ pub struct Channel {
     sigma_a_per_mm: Number,
     sigma_s_prime_per_mm: Number,
     correlation: f64,
+    budget: Vec<Line>,
     total_reflectance: Option<Total>,
     scale: f64,
     range_mm: [f64; 2],
@@ -67,6 +68,19 @@ struct Number {
     value: f64,
     u: f64,
     ci95: [f64; 2],
+    /// Absent where infinite.
+    degrees_of_freedom: Option<f64>,
+}
+
+/// A line of the uncertainty budget.
+#[derive(Clone, Debug, Serialize)]
+struct Line {
+    source: String,
+    u_sigma_a_per_mm: f64,
+    u_sigma_s_prime_per_mm: f64,
+    correlation: f64,
+    /// Absent where the uncertainty was stated, which counts as infinitely many.
+    degrees_of_freedom: Option<f64>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -101,6 +115,23 @@ impl From<&Estimate> for Number {
             value: e.value,
             u: e.u,
             ci95: [e.ci95.0, e.ci95.1],
+            degrees_of_freedom: finite(e.degrees_of_freedom),
+        }
+    }
+}
+
+fn finite(number: f64) -> Option<f64> {
+    number.is_finite().then_some(number)
+}
+
+impl From<&Contribution> for Line {
+    fn from(c: &Contribution) -> Self {
+        Self {
+            source: c.source.clone(),
+            u_sigma_a_per_mm: c.u_sigma_a,
+            u_sigma_s_prime_per_mm: c.u_sigma_s_prime,
+            correlation: c.correlation,
+            degrees_of_freedom: finite(c.degrees_of_freedom),
         }
     }
 }
@@ -113,6 +144,7 @@ impl From<&Fit> for Channel {
             sigma_a_per_mm: (&fit.sigma_a).into(),
             sigma_s_prime_per_mm: (&fit.sigma_s_prime).into(),
             correlation: fit.correlation,
+            budget: fit.budget.iter().map(Line::from).collect(),
             total_reflectance: fit.total.map(|t| Total {
                 measured: t.measured,
                 u: t.u,

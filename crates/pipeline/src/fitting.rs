@@ -10,6 +10,20 @@ use physics::{
 };
 use profile::Exit;
 
+/// One cause of the uncertainty of the scale that profile and total share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScaleInput {
+    /// The cause, as a person calls it: it becomes a line of the budget.
+    pub source: &'static str,
+    /// Standard uncertainty of the scale that comes from it, relative.
+    pub u_relative: f64,
+}
+
+/// Relative standard uncertainty of a scale, its causes independent.
+pub fn u_relative(scale: &[ScaleInput]) -> f64 {
+    scale.iter().fold(0.0, |u: f64, s| u.hypot(s.u_relative))
+}
+
 /// What a fit takes as given, and how well each is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Given {
@@ -56,11 +70,11 @@ impl Given {
         }
     }
 
-    fn options(&self, eta: f64, u_scale_relative: f64) -> FitOptions {
+    fn options(&self, u_scale_relative: f64) -> FitOptions {
         FitOptions {
             constraint: self.constraint,
             range_mm: self.range_mm,
-            entry_factor: self.entry_factor(eta),
+            entry_factor: self.entry_factor(self.eta),
             u_scale_relative,
             blur: self.blur(),
             ..FitOptions::default()
@@ -68,10 +82,10 @@ impl Given {
     }
 }
 
-/// Fits one channel; `u_scale_relative` is that of the scale which profile and total share.
+/// Fits one channel; `scale` lists what makes the scale uncertain that profile and total share.
 ///
-/// The uncertainties of η, of the scale of length and of the beam's width are added to those of
-/// the fit.
+/// The uncertainties of η, of the scale of length, of the beam's width and of the model's own
+/// numerics are added to those of the fit, each as a line of its budget.
 ///
 /// # Errors
 ///
@@ -79,79 +93,123 @@ impl Given {
 pub fn fit_channel(
     profile: &RadialProfile,
     total: Option<&TotalReflectance>,
-    u_scale_relative: f64,
+    scale: &[ScaleInput],
     given: &Given,
 ) -> Result<Fit> {
-    let model = library::model(&given.model, given.eta)?;
-    let options = given.options(given.eta, u_scale_relative);
-    let place = || format!("channel {}", profile.channel);
-    let best = fit::fit(profile, total, &*model, &options).input(place())?;
-
-    // Neighbouring fits keep the range, so that their difference is that of the input alone.
-    let fixed = Given {
-        range_mm: Some(best.range_mm),
-        ..given.clone()
+    let u_scale_relative = u_relative(scale);
+    let case = Case {
+        profile: profile.clone(),
+        total: total.cloned(),
+        given: given.clone(),
     };
-    let mut contributions = vec![];
+    let best = case.fitted(u_scale_relative)?;
+    let mut neighbours = Neighbours {
+        case,
+        u_scale_relative,
+        lines: vec![],
+    };
+    // Neighbouring fits keep the range, so that their difference is that of the input alone.
+    neighbours.case.given.range_mm = Some(best.range_mm);
     if given.u_eta > 0.0 {
-        let at = |eta: f64| -> Result<Coefficients> {
-            let model = library::model(&given.model, eta)?;
-            let factor = exit_factor(given.exit, given.eta) / exit_factor(given.exit, eta);
-            let profile = scaled(profile, |_| factor);
-            let total = total.map(|t| TotalReflectance {
-                total_reflectance: t.total_reflectance * factor,
-                u_total_reflectance: t.u_total_reflectance * factor,
-                ..t.clone()
-            });
-            let options = fixed.options(eta, u_scale_relative);
-            let found = fit::fit(&profile, total.as_ref(), &*model, &options).input(place())?;
-            Ok(found.coefficients())
-        };
         let (low, high) = ((given.eta - given.u_eta).max(1.0), given.eta + given.u_eta);
         let per_u = given.u_eta / (high - low);
-        contributions.push(difference(at(low)?, at(high)?, per_u));
+        neighbours.add("relative index eta", [low, high], per_u, |case, eta| {
+            let factor = exit_factor(given.exit, given.eta) / exit_factor(given.exit, eta);
+            case.scale(|_| factor, factor);
+            case.given.eta = eta;
+        })?;
     }
     if given.u_length_relative > 0.0 {
         // Lengths all scale together, and coefficients as their inverse; totals do not move.
-        contributions.push(Contribution {
-            in_sigma_a: -best.sigma_a.value * given.u_length_relative,
-            in_sigma_s_prime: -best.sigma_s_prime.value * given.u_length_relative,
-        });
+        neighbours.lines.push(Contribution::of_change(
+            "mm per pixel",
+            -best.sigma_a.value * given.u_length_relative,
+            -best.sigma_s_prime.value * given.u_length_relative,
+        ));
     }
     if given.u_fwhm_mm > 0.0 {
-        let at = |change: f64| -> Result<Coefficients> {
-            let beam = widened(fixed.beam, change);
-            let options = Given {
-                beam,
-                ..fixed.clone()
-            }
-            .options(given.eta, u_scale_relative);
-            Ok(fit::fit(profile, total, &*model, &options)
-                .input(place())?
-                .coefficients())
-        };
-        contributions.push(difference(at(-given.u_fwhm_mm)?, at(given.u_fwhm_mm)?, 0.5));
+        let u = given.u_fwhm_mm;
+        neighbours.add("beam width", [-u, u], 0.5, |case, change| {
+            case.given.beam = widened(given.beam, change);
+        })?;
     }
+    let model = library::model(&given.model, given.eta)?;
     let found = best.coefficients();
     let own_error = |p: &ProfilePoint| model.relative_error(found, p.radius_mm);
     if profile.points.iter().any(|p| own_error(p) > 0.0) {
         // The whole profile off by the model's own standard error, the total not: the worst way.
-        let at = |sign: f64| -> Result<Coefficients> {
-            let profile = scaled(profile, |p| 1.0 + sign * own_error(p));
-            let options = fixed.options(given.eta, u_scale_relative);
-            Ok(fit::fit(&profile, total, &*model, &options)
-                .input(place())?
-                .coefficients())
-        };
-        contributions.push(difference(at(-1.0)?, at(1.0)?, 0.5));
+        neighbours.add("model's own numerics", [-1.0, 1.0], 0.5, |case, sign| {
+            case.scale(|p| 1.0 + sign * own_error(p), 1.0);
+        })?;
     }
-    Ok(best.with_contributions(&contributions))
+    Ok(best.with_contributions(neighbours.lines))
 }
 
-fn difference(low: Coefficients, high: Coefficients, factor: f64) -> Contribution {
-    Contribution {
-        in_sigma_a: factor * (high.sigma_a - low.sigma_a),
-        in_sigma_s_prime: factor * (high.sigma_s_prime - low.sigma_s_prime),
+/// The data of a channel and what their fit takes as given.
+#[derive(Clone)]
+struct Case {
+    profile: RadialProfile,
+    total: Option<TotalReflectance>,
+    given: Given,
+}
+
+impl Case {
+    /// The fit, with nothing added to its own uncertainty.
+    fn fitted(&self, u_scale_relative: f64) -> Result<Fit> {
+        let Self {
+            profile,
+            total,
+            given,
+        } = self;
+        let model = library::model(&given.model, given.eta)?;
+        let options = given.options(u_scale_relative);
+        fit::fit(profile, total.as_ref(), &*model, &options)
+            .input(format!("channel {}", profile.channel))
+    }
+
+    /// Every point times its own factor, and the total times `total`.
+    fn scale(&mut self, factor: impl Fn(&ProfilePoint) -> f64, total: f64) {
+        for p in &mut self.profile.points {
+            let factor = factor(p);
+            p.reflectance_per_mm2 *= factor;
+            p.u_reflectance_per_mm2 *= factor;
+        }
+        if let Some(t) = &mut self.total {
+            t.total_reflectance *= total;
+            t.u_total_reflectance *= total;
+        }
+    }
+}
+
+/// Fits with one input changed, for the lines of a budget.
+struct Neighbours {
+    case: Case,
+    u_scale_relative: f64,
+    lines: Vec<Contribution>,
+}
+
+impl Neighbours {
+    /// The line of an input that is one number: half the way, or so much of it as `per_u` says,
+    /// between the fits at the two `steps` of it, which `change` brings about.
+    fn add(
+        &mut self,
+        source: &str,
+        [low, high]: [f64; 2],
+        per_u: f64,
+        change: impl Fn(&mut Case, f64),
+    ) -> Result<()> {
+        let at = |step: f64| -> Result<Coefficients> {
+            let mut case = self.case.clone();
+            change(&mut case, step);
+            Ok(case.fitted(self.u_scale_relative)?.coefficients())
+        };
+        let (low, high) = (at(low)?, at(high)?);
+        self.lines.push(Contribution::of_change(
+            source,
+            per_u * (high.sigma_a - low.sigma_a),
+            per_u * (high.sigma_s_prime - low.sigma_s_prime),
+        ));
+        Ok(())
     }
 }
 
@@ -171,23 +229,6 @@ fn widened(beam: Beam, change: f64) -> Beam {
         Beam::Disk { fwhm_mm } => Beam::Disk {
             fwhm_mm: (fwhm_mm + change).max(0.0),
         },
-    }
-}
-
-/// The profile with every point times its `factor`.
-fn scaled(profile: &RadialProfile, factor: impl Fn(&ProfilePoint) -> f64) -> RadialProfile {
-    let points = profile
-        .points
-        .iter()
-        .map(|p| ProfilePoint {
-            reflectance_per_mm2: p.reflectance_per_mm2 * factor(p),
-            u_reflectance_per_mm2: p.u_reflectance_per_mm2 * factor(p),
-            ..*p
-        })
-        .collect();
-    RadialProfile {
-        channel: profile.channel.clone(),
-        points,
     }
 }
 

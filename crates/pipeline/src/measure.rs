@@ -4,7 +4,7 @@ use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
 use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
-use crate::fitting::{self, Given};
+use crate::fitting::{self, Given, ScaleInput};
 use crate::library::ModelChoice;
 use crate::monitor::Monitor;
 use crate::sensing::{Found, Sensing};
@@ -47,6 +47,8 @@ pub struct Radiance {
     pub map: RadianceMap,
     /// The scale of each channel.
     pub scales: Vec<Scale>,
+    /// What makes each uncertain.
+    pub scale_inputs: Vec<Vec<ScaleInput>>,
     /// Every file that took part.
     pub inputs: Vec<Input>,
     /// What was dropped, and where, in sentences.
@@ -136,6 +138,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
 
     let capture = &loaded.capture;
     let mut scales = vec![];
+    let mut scale_inputs = vec![];
     let mut channels = vec![];
     for (index, (channel, white)) in sample
         .map
@@ -163,7 +166,22 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
                     loaded.input.path.display(),
                     white.name
                 ))?;
-        scale.u_relative = scale.u_relative.hypot(u_exposure);
+        let inputs = vec![
+            ScaleInput {
+                source: "white reference: certificate",
+                u_relative: options.u_reflectance / options.reflectance,
+            },
+            ScaleInput {
+                source: "white reference: noise",
+                u_relative: scale.u_noise_relative,
+            },
+            ScaleInput {
+                source: "exposure ratios",
+                u_relative: u_exposure,
+            },
+        ];
+        scale.u_relative = fitting::u_relative(&inputs);
+        scale_inputs.push(inputs);
         channels.push(channel.scaled(scale.factor_per_mm2));
         scales.push(scale);
     }
@@ -186,6 +204,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             channels,
         },
         scales,
+        scale_inputs,
         inputs,
         merge_lines,
         estimated,
@@ -279,10 +298,10 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let given = given(capture, choices, model);
     let fits = measured
         .iter()
-        .map(|m| {
+        .zip(&radiance.scale_inputs)
+        .map(|(m, scale)| {
             monitor.check()?;
-            let u_scale = m.total.u_scale_relative;
-            let fit = fitting::fit_channel(&m.profile, Some(&m.total), u_scale, &given)
+            let fit = fitting::fit_channel(&m.profile, Some(&m.total), scale, &given)
                 .map_err(|e| e.within(place()));
             monitor.step();
             fit

@@ -55,6 +55,8 @@ pub struct Scale {
     /// Relative standard uncertainty of the factor: the white's reflectance and the noise of its
     /// picture.
     pub u_relative: f64,
+    /// Its part that comes from the noise of the white's picture.
+    pub u_noise_relative: f64,
     /// Sum of the reference's pixels inside the circle, DN/s.
     pub reference_sum: f64,
     /// Centre of the reference's spot, px.
@@ -132,10 +134,11 @@ pub fn reference_scale(
         1.0 - dipole.beyond(radius_mm) / dipole.beyond(0.0)
     });
     let pixel = options.mm_per_pixel * options.mm_per_pixel;
+    let u_noise_relative = total.u_total_reflectance / total.total_reflectance;
     Ok(Scale {
         factor_per_mm2: reflectance * share / (total.total_reflectance * exit),
-        u_relative: (u_reflectance / reflectance)
-            .hypot(total.u_total_reflectance / total.total_reflectance),
+        u_relative: (u_reflectance / reflectance).hypot(u_noise_relative),
+        u_noise_relative,
         reference_sum: total.total_reflectance / pixel,
         center_px: measured.center_px,
         radius_mm,

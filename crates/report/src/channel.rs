@@ -136,12 +136,14 @@ mod tests {
             value,
             u,
             ci95: (value - 2.0 * u, value + 2.0 * u),
+            degrees_of_freedom: f64::INFINITY,
         };
         Fit {
             channel: "G".to_owned(),
             sigma_a: estimate(sigma_a, 0.0001),
             sigma_s_prime: estimate(2.62, 0.02),
             correlation: -0.9,
+            budget: vec![],
             upper_limit,
             total: None,
             scale: 1.0,

@@ -3,7 +3,7 @@
 #[path = "../examples/figure/synthetic.rs"]
 mod synthetic;
 
-use fit::{Constraint, Estimate, Fit, Residual, Termination, Warning};
+use fit::{Constraint, Contribution, Estimate, Fit, Residual, Termination, Warning};
 use physics::{Coefficients, ProfilePoint, RadialProfile};
 use report::{ChannelReport, CurvePoint, Input, Report, figure_svg, report_html};
 use roxmltree::{Document, Node, ParsingOptions};
@@ -264,6 +264,7 @@ fn odd(points: &[(f64, f64, f64)], number: f64) -> (Fit, RadialProfile) {
         value: number,
         u: number,
         ci95: (number, number),
+        degrees_of_freedom: number,
     };
     let profile = RadialProfile {
         channel: String::new(),
@@ -283,6 +284,13 @@ fn odd(points: &[(f64, f64, f64)], number: f64) -> (Fit, RadialProfile) {
         sigma_a: estimate,
         sigma_s_prime: estimate,
         correlation: number,
+        budget: vec![Contribution {
+            source: "a <b> & c".to_owned(),
+            u_sigma_a: number,
+            u_sigma_s_prime: number,
+            correlation: number,
+            degrees_of_freedom: number,
+        }],
         upper_limit: None,
         total: None,
         scale: number,

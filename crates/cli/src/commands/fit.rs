@@ -10,7 +10,7 @@ use pipeline::capture::Input;
 use pipeline::error::Blame;
 use pipeline::files::{Outputs, read, split};
 use pipeline::fit_json::FitDocument;
-use pipeline::fitting::{self, Given};
+use pipeline::fitting::{self, Given, ScaleInput};
 use pipeline::{Error, Kind, Result};
 use std::io::Write;
 use std::path::PathBuf;
@@ -74,7 +74,11 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
                 .u_scale
                 .or(total.map(|t| t.u_scale_relative))
                 .unwrap_or(0.0);
-            fitting::fit_channel(profile, total, u_scale, &given).map_err(|e| e.within(&place))
+            let scale = [ScaleInput {
+                source: "white reference",
+                u_relative: u_scale,
+            }];
+            fitting::fit_channel(profile, total, &scale, &given).map_err(|e| e.within(&place))
         })
         .collect::<Result<Vec<Fit>>>()?;
 
