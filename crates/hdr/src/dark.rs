@@ -1,7 +1,8 @@
 //! What the sensor shows without light.
 
 use crate::error::MergeError;
-use physics::Frame;
+use physics::{Frame, Samples};
+use std::ops::Range;
 
 /// Shutters repeat to far better than this; another exposure of a bracket is farther away.
 const SAME_EXPOSURE: f64 = 0.01;
@@ -12,8 +13,9 @@ pub struct DarkFrame {
     size: (usize, usize, usize),
     exposure_s: f64,
     count: u32,
-    // Exact in f32 for the first 256 frames of 16-bit numbers.
-    sum: Vec<f32>,
+    /// The only frame, as it was stored; or the sum of several, which is exact in `f32` for the
+    /// first 256 frames of 16-bit numbers.
+    sum: Samples,
 }
 
 impl DarkFrame {
@@ -29,7 +31,7 @@ impl DarkFrame {
             size: size(frame),
             exposure_s,
             count: 1,
-            sum: frame.samples.to_f32(),
+            sum: frame.samples.clone(),
         })
     }
 
@@ -41,12 +43,17 @@ impl DarkFrame {
     pub fn add(&mut self, frame: &Frame) -> Result<(), MergeError> {
         check_frame(frame)?;
         check_size(frame, self.size)?;
-        let row = frame.width * frame.channels;
-        let mut samples = vec![0.0; row];
-        for (y, sums) in self.sum.chunks_exact_mut(row).enumerate() {
-            frame.samples.copy_to(y * row..(y + 1) * row, &mut samples);
-            for (sum, sample) in sums.iter_mut().zip(&samples) {
-                *sum += sample;
+        if let Samples::U16(_) = self.sum {
+            self.sum = Samples::F32(self.sum.to_f32());
+        }
+        if let Samples::F32(sum) = &mut self.sum {
+            let row = frame.width * frame.channels;
+            let mut samples = vec![0.0; row];
+            for (y, sums) in sum.chunks_exact_mut(row).enumerate() {
+                frame.samples.copy_to(y * row..(y + 1) * row, &mut samples);
+                for (sum, sample) in sums.iter_mut().zip(&samples) {
+                    *sum += sample;
+                }
             }
         }
         self.count += 1;
@@ -68,9 +75,21 @@ impl DarkFrame {
         self.size
     }
 
-    /// The sums, DN; divided by [`Self::count`] they are the mean dark.
-    pub(crate) fn sum(&self) -> &[f32] {
-        &self.sum
+    /// Copies the mean dark of the samples of `range`, DN, to `into`, which must be as long.
+    #[inline(always)]
+    pub(crate) fn copy_mean_to(&self, range: Range<usize>, into: &mut [f32]) {
+        self.sum.copy_to(range, into);
+        if self.count > 1 {
+            let per_dark = 1.0 / self.count as f32;
+            for level in into {
+                *level *= per_dark;
+            }
+        }
+    }
+
+    /// How many samples there are.
+    pub(crate) fn len(&self) -> usize {
+        self.sum.len()
     }
 
     /// Whether the dark serves a frame of `exposure_s`.
@@ -169,7 +188,9 @@ mod tests {
         };
         let mut dark = DarkFrame::new(&frame(100), 0.5).unwrap();
         dark.add(&frame(103)).unwrap();
-        assert_eq!((dark.count(), dark.sum()), (2, &[203.0, 406.0][..]));
+        let mut mean = [0.0; 2];
+        dark.copy_mean_to(0..2, &mut mean);
+        assert_eq!((dark.count(), mean), (2, [101.5, 203.0]));
         let other = Frame {
             width: 1,
             height: 2,

@@ -25,7 +25,6 @@ mod hot;
 pub mod merge;
 mod net;
 pub mod overlap;
-mod predict;
 pub mod response;
 
 pub use dark::{DarkFrame, matching_dark};

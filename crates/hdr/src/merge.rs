@@ -1,44 +1,73 @@
 //! The sum over exposures.
 
+mod rows;
+mod sets;
+
 use crate::dark::{DarkFrame, check_exposure, check_frame, check_size};
 use crate::error::MergeError;
-use crate::hot::hot_pixels;
-use crate::predict::Neighbours;
+use crate::hot::{HOT, Level, WARM, levels};
 use physics::frame::channel_names;
 use physics::{ChannelMap, Frame, RadianceMap, Sensor};
+use rayon::prelude::*;
+use rows::{Block, Layout, Outcome, Rows, Step};
+use sets::{Set, Sets};
 
-/// Share of the range from black to white up to which a sample may be predicted. The 10 % that
-/// are left are more than ten standard deviations of a full pixel, so that no sample is dropped
-/// because its own noise was high: that would bias the mean low by up to 0.3 %.
-const PREDICTED_FULL: f64 = 0.9;
+/// Standard deviations of a full pixel that a prediction stays below the white level. Were it
+/// fewer, samples would be dropped because their own noise was high, and the mean biased low: by
+/// 0.3 % at one of them.
+const ROOM: f64 = 5.0;
 
-/// The same for the pixel's own estimate, a guard for spots so narrow that the neighbours say
-/// little. Far enough above [`PREDICTED_FULL`] that noise does not reach it in a smooth picture.
-const OWN_FULL: f64 = 0.96;
+/// Share of the range from black to white up to which a sample may be predicted in any case:
+/// many a sensor bends in the last few percents. Each percent of the range that is not used costs
+/// 0.7 % of the standard deviation of the merged picture.
+const PREDICTED_FULL: f64 = 0.95;
+
+/// The least share, for sensors that are nothing but noise.
+const LEAST_FULL: f64 = 0.5;
+
+/// Standard deviations of a pixel's own estimate that it may lie above what its neighbours may
+/// predict: a guard for spots so narrow that the neighbours say little, and far enough above that
+/// noise does not reach it in a smooth picture.
+const OWN_ROOM: f64 = 5.0;
 
 /// Share of a channel's pixels that, saturated in every frame, make the merge an error.
 const TOO_MANY_SATURATED: f64 = 0.5;
+
+/// Rows that are merged in one go by one thread.
+const BLOCK_ROWS: usize = 64;
 
 /// Merges exposures that arrive one by one, by increasing exposure.
 ///
 /// Value of a pixel: Σ(DN − dark)/Σt over the frames that measured it, in DN/s. Weighting with
 /// the exposure time is within 2 % of the best possible down to 1e-5 of the peak and needs no
 /// estimate of the noise.
+///
+/// Takes 6 bytes for each sample of a frame, however many frames there are.
 #[derive(Clone, Debug)]
 pub struct Merge {
     size: (usize, usize, usize),
     sensor: Sensor,
     /// Σ(DN − dark) of the used frames, DN.
     sum: Vec<f32>,
-    /// Σt of the used frames, s.
-    time: Vec<f32>,
-    /// Σ of the variance that the used frames have without light, DN².
-    floor: Vec<f32>,
-    /// The dark of the last, longest frame, DN, and how many frames it is the mean of.
-    dark: (Vec<f32>, u32),
+    /// Which frames were used, as a number in `sets`.
+    set: Vec<u16>,
+    sets: Sets,
+    dark: LastDark,
+    /// Σt of all frames, s.
+    time: f64,
     /// What rounding adds to the variance of the last frame, DN².
     rounding_variance: f64,
     frames: Vec<FrameReport>,
+}
+
+/// What is kept of the dark of the last, longest frame.
+#[derive(Clone, Debug, Default)]
+struct LastDark {
+    exposure_s: f64,
+    /// The dark of an ordinary sample of each channel.
+    levels: Vec<Level>,
+    /// The samples that are out of the ordinary: where, in order, and their level, DN.
+    warm: Vec<(usize, f32)>,
 }
 
 /// What one frame gave to the merge.
@@ -95,9 +124,10 @@ impl Merge {
             size: (width, height, channels),
             sensor: *sensor,
             sum: vec![],
-            time: vec![],
-            floor: vec![],
-            dark: (vec![], 0),
+            set: vec![],
+            sets: Sets::new(),
+            dark: LastDark::default(),
+            time: 0.0,
             rounding_variance: 0.0,
             frames: vec![],
         })
@@ -157,72 +187,94 @@ impl Merge {
         }
         let (width, height, channels) = self.size;
         // Only now: a size is not trusted with memory before a frame of that size has come.
-        for buffer in [
-            &mut self.sum,
-            &mut self.time,
-            &mut self.floor,
-            &mut self.dark.0,
-        ] {
-            buffer.resize(frame.samples.len(), 0.0);
-        }
-        self.dark.1 = dark.count();
+        self.sum.resize(frame.samples.len(), 0.0);
+        self.set.resize(frame.samples.len(), 0);
         self.rounding_variance = frame.samples.rounding_variance();
 
         let sensor = &self.sensor;
-        let row = width * channels;
-        let span = sensor.white_level_dn - sensor.black_level_dn;
-        let step = Step {
-            exposure: measured_s as f32,
-            per_dark: 1.0 / dark.count() as f32,
-            white: sensor.white_level_dn as f32,
-            neighbours_limit: (sensor.black_level_dn + PREDICTED_FULL * span) as f32,
-            own_limit: (sensor.black_level_dn + OWN_FULL * span) as f32,
-            black: sensor.black_level_dn as f32,
-            read_variance: read_variance(sensor, frame.samples.rounding_variance()) as f32,
-            per_electron: (1.0 / sensor.gain_e_per_dn) as f32,
+        let read = read_variance(sensor, self.rounding_variance);
+        let darks = f64::from(dark.count());
+        let levels = levels(dark, channels, |level| {
+            let charge = (f64::from(level) - sensor.black_level_dn).max(0.0);
+            (((read + charge / sensor.gain_e_per_dn) / darks).sqrt()) as f32
+        });
+        let warm: Vec<f32> = levels.iter().map(|level| level.beyond(WARM)).collect();
+        let tables = self.sets.extend(Set {
+            time: measured_s,
+            // The dark that was subtracted has the same noise, less where several were averaged.
+            read: read * (1.0 + 1.0 / darks),
+            dark_time: exposure_s * (1.0 + 1.0 / darks),
+        });
+        let [neighbours_limit, own_limit] = self.limits(measured_s);
+        let layout = Layout {
+            row: width * channels,
+            channels,
+            right: channels,
+            down: 1,
         };
-        let mut used_samples = vec![0_u64; channels];
-        let mut neighbours = Neighbours::new(row, channels);
-        let (mut predicted, mut own) = (vec![0.0; row], vec![0.0; row]);
-        let mut samples = vec![0.0; row];
-        let mut used = vec![0.0; row];
-        neighbours.advance(Some((&self.sum[..row], &self.time[..row])));
-        for y in 0..height {
-            let here = y * row..(y + 1) * row;
-            let below = (y + 1) * row..(y + 2) * row;
-            neighbours
-                .advance((y + 1 < height).then(|| (&self.sum[below.clone()], &self.time[below])));
-            neighbours.means(&mut predicted, &mut own);
-            frame.samples.copy_to(here.clone(), &mut samples);
-            step.add(
-                &samples,
-                &dark.sum()[here.clone()],
-                &predicted,
-                &own,
-                &mut used,
-                Sums {
-                    sum: &mut self.sum[here.clone()],
-                    time: &mut self.time[here.clone()],
-                    floor: &mut self.floor[here.clone()],
-                    dark: &mut self.dark.0[here],
-                },
-            );
-            for (channel, count) in used_samples.iter_mut().enumerate() {
-                *count += used
-                    .iter()
-                    .skip(channel)
-                    .step_by(channels)
-                    .filter(|used| **used != 0.0)
-                    .count() as u64;
+        let step = Step {
+            layout,
+            samples: &frame.samples,
+            dark,
+            tables: &tables,
+            exposure: measured_s as f32,
+            white: self.sensor.white_level_dn as f32,
+            neighbours_limit: neighbours_limit as f32,
+            own_limit: own_limit as f32,
+            warm: &warm,
+        };
+        let outcomes = add_in_blocks(&step, &mut self.sum, &mut self.set);
+
+        let mut used = vec![0; channels];
+        let mut of_set = vec![0; tables.len()];
+        self.dark = LastDark {
+            exposure_s,
+            levels,
+            warm: vec![],
+        };
+        for outcome in outcomes {
+            for (sum, count) in used.iter_mut().zip(outcome.used) {
+                *sum += count;
             }
+            for (sum, count) in of_set.iter_mut().zip(outcome.of_set) {
+                *sum += count;
+            }
+            self.dark.warm.extend(outcome.warm);
         }
+        self.sets.retain(&of_set);
+        self.time += measured_s;
         let pixels = (width * height) as u64;
         self.frames.push(FrameReport {
             exposure_s,
-            saturated: used_samples.iter().map(|used| pixels - used).collect(),
-            used: used_samples,
+            saturated: used.iter().map(|used| pixels - used).collect(),
+            used,
         });
         Ok(())
+    }
+
+    /// The most that the neighbours, and a sample's own estimate, may let expect of a sample of
+    /// the next frame, DN.
+    fn limits(&self, exposure_s: f64) -> [f64; 2] {
+        let Sensor {
+            gain_e_per_dn: gain,
+            white_level_dn: white,
+            black_level_dn: black,
+            prnu_relative: prnu,
+            ..
+        } = self.sensor;
+        let span = white - black;
+        let read = read_variance(&self.sensor, self.rounding_variance);
+        let full = read + span / gain + (prnu * span).powi(2);
+        // What the frames so far say of a full pixel has the noise of their light.
+        let own = if self.time > 0.0 {
+            span / gain * exposure_s / self.time
+        } else {
+            0.0
+        };
+        let room = ROOM * (full + own / 8.0).sqrt();
+        let share = (1.0 - room / span).clamp(LEAST_FULL, PREDICTED_FULL);
+        let limit = black + share * span;
+        [limit, limit + OWN_ROOM * own.sqrt()]
     }
 
     /// The merged picture in DN/s, and what was left out of it.
@@ -240,46 +292,47 @@ impl Merge {
             return Err(MergeError::NoFrames);
         }
         let (width, height, channels) = self.size;
-        let sensor = &self.sensor;
-        let (black, read) = (
-            sensor.black_level_dn as f32,
-            read_variance(sensor, self.rounding_variance) as f32,
-        );
-        let per_electron = (1.0 / sensor.gain_e_per_dn) as f32;
-        let prnu = (sensor.prnu_relative * sensor.prnu_relative) as f32;
-        let (dark, darks) = &self.dark;
-        let hot = hot_pixels(dark, channels, |level| {
-            ((read + (level - black).max(0.0) * per_electron) / *darks as f32).sqrt()
-        });
+        let noise = Noise::new(&self);
+        let Self {
+            mut sum,
+            mut set,
+            dark,
+            frames,
+            ..
+        } = self;
 
         let mut maps = Vec::with_capacity(channels);
         let mut reports = Vec::with_capacity(channels);
         for (channel, name) in channel_names(channels).iter().enumerate() {
+            // The only channel is where its values will be; more of them are taken apart.
+            let (mut value, set) = if channels == 1 {
+                (std::mem::take(&mut sum), std::mem::take(&mut set))
+            } else {
+                (
+                    of_channel(&sum, channel, channels),
+                    of_channel(&set, channel, channels),
+                )
+            };
+            let mut variance = vec![0.0; value.len()];
+            let measured = noise
+                .of_channel(channel)
+                .apply(&mut value, &set, &mut variance);
             let mut report = ChannelReport {
                 hot: 0,
-                saturated_everywhere: 0,
+                saturated_everywhere: (value.len() - measured) as u64,
             };
-            let mut value = Vec::with_capacity(width * height);
-            let mut variance = Vec::with_capacity(width * height);
-            for i in (channel..self.sum.len()).step_by(channels) {
-                let (sum, time) = (self.sum[i], self.time[i]);
-                if hot[i] || time == 0.0 {
-                    if hot[i] {
-                        report.hot += 1;
-                    } else {
-                        report.saturated_everywhere += 1;
-                    }
-                    value.push(0.0);
-                    variance.push(f32::INFINITY);
-                    continue;
+            for (at, level) in dark.warm.iter().filter(|warm| warm.0 % channels == channel) {
+                let at = at / channels;
+                let of_set = &noise.sets[usize::from(set[at])];
+                if *level > dark.levels[channel].beyond(HOT) {
+                    report.hot += 1;
+                    report.saturated_everywhere -= u64::from(of_set.time == 0.0);
+                    value[at] = 0.0;
+                    variance[at] = f32::INFINITY;
+                } else {
+                    let excess = f64::from(level - dark.levels[channel].median);
+                    variance[at] += noise.of_charge(excess, of_set) as f32;
                 }
-                let mean = sum / time;
-                // The sum itself stands for its expectation, below zero too: clipped there, the
-                // variances of a dark region would be too large on average. One read-out is
-                // the least noise that any pixel has.
-                let counted = (self.floor[i] + sum * per_electron).max(read);
-                value.push(mean);
-                variance.push(counted / (time * time) + prnu * mean * mean);
             }
             let pixels = (width * height) as u64;
             if report.saturated_everywhere as f64 >= TOO_MANY_SATURATED * pixels as f64 {
@@ -303,72 +356,179 @@ impl Merge {
                 channels: maps,
             },
             MergeReport {
-                frames: self.frames,
+                frames,
                 channels: reports,
             },
         ))
     }
 }
 
-/// The numbers of one frame that its samples share.
-struct Step {
-    exposure: f32,
-    per_dark: f32,
-    white: f32,
-    neighbours_limit: f32,
-    own_limit: f32,
-    black: f32,
-    read_variance: f32,
-    per_electron: f32,
+/// Adds a frame to all rows, on as many threads as there are.
+fn add_in_blocks(step: &Step<'_>, sum: &mut [f32], set: &mut [u16]) -> Vec<Outcome> {
+    let Layout { row, down, .. } = step.layout;
+    let block = BLOCK_ROWS * row;
+    let length = sum.len();
+    // A block changes rows that its neighbours look at: each takes them as they were.
+    let edges: Vec<[Edge; 2]> = (0..length)
+        .step_by(block)
+        .map(|start| {
+            let end = (start + block).min(length);
+            let copy = |from: usize, to: usize| Edge {
+                sum: sum[from..to].to_vec(),
+                set: set[from..to].to_vec(),
+            };
+            [
+                copy(start.saturating_sub(down * row), start),
+                copy(end, (end + down * row).min(length)),
+            ]
+        })
+        .collect();
+    let blocks = sum.par_chunks_mut(block).zip(set.par_chunks_mut(block));
+    blocks
+        .zip(&edges)
+        .enumerate()
+        .map(|(number, ((sum, set), [above, below]))| {
+            pulp::Arch::new().dispatch(Block {
+                step,
+                first: number * BLOCK_ROWS,
+                sum,
+                set,
+                above: above.rows(),
+                below: below.rows(),
+            })
+        })
+        .collect()
 }
 
-/// One row of the running sums.
-struct Sums<'a> {
-    sum: &'a mut [f32],
-    time: &'a mut [f32],
-    floor: &'a mut [f32],
-    dark: &'a mut [f32],
+/// Rows beside a block.
+struct Edge {
+    sum: Vec<f32>,
+    set: Vec<u16>,
 }
 
-impl Step {
-    /// Adds one row. `used` says afterwards which samples had a weight: 1 or 0.
-    fn add(
-        &self,
-        samples: &[f32],
-        dark_sum: &[f32],
-        predicted: &[f32],
-        own: &[f32],
-        used: &mut [f32],
-        into: Sums<'_>,
-    ) {
-        // Equal lengths that the compiler can see, so that it needs no check in the loop.
-        let n = samples.len();
-        let (dark_sum, predicted, own) = (&dark_sum[..n], &predicted[..n], &own[..n]);
-        let Sums {
-            sum,
-            time,
-            floor,
-            dark: level,
-        } = into;
-        let (used, sum, time) = (&mut used[..n], &mut sum[..n], &mut time[..n]);
-        let (floor, level) = (&mut floor[..n], &mut level[..n]);
-        for i in 0..n {
-            let sample = samples[i];
-            let dark = dark_sum[i] * self.per_dark;
-            let good = (sample < self.white)
-                & (dark + predicted[i] * self.exposure <= self.neighbours_limit)
-                & (dark + own[i] * self.exposure <= self.own_limit);
-            let weight = if good { 1.0 } else { 0.0 };
-            // The measured dark stands for its expectation and is not clipped at the black
-            // level, for the reason that holds for the signal. The dark that was subtracted
-            // has the same noise, less where several were averaged.
-            let variance = self.read_variance + (dark - self.black) * self.per_electron;
-            sum[i] += weight * (sample - dark);
-            time[i] += weight * self.exposure;
-            floor[i] += weight * variance * (1.0 + self.per_dark);
-            level[i] = dark;
-            used[i] = weight;
+impl Edge {
+    fn rows(&self) -> Option<Rows<'_>> {
+        (!self.sum.is_empty()).then_some(Rows {
+            sum: &self.sum,
+            set: &self.set,
+        })
+    }
+}
+
+fn of_channel<T: Copy>(samples: &[T], channel: usize, channels: usize) -> Vec<T> {
+    let own = samples.iter().skip(channel).step_by(channels);
+    own.copied().collect()
+}
+
+/// The variance of merged values.
+///
+/// A pixel's dark current is taken from the dark of the longest frame: the ordinary one of its
+/// channel, or its own where that stands out. A single dark tells less of an ordinary pixel than
+/// all of them together do, and an offset of the pixel, which has no noise, would be counted as
+/// charge in every frame.
+struct Noise {
+    sets: Vec<Set>,
+    per_electron: f64,
+    prnu_relative: f64,
+    read: f64,
+    /// Ordinary dark current of each channel, DN/s.
+    current: Vec<f64>,
+    dark_exposure_s: f64,
+}
+
+impl Noise {
+    fn new(merge: &Merge) -> Self {
+        let LastDark {
+            exposure_s, levels, ..
+        } = &merge.dark;
+        let black = merge.sensor.black_level_dn;
+        Self {
+            sets: merge.sets.list().to_vec(),
+            per_electron: 1.0 / merge.sensor.gain_e_per_dn,
+            prnu_relative: merge.sensor.prnu_relative,
+            read: read_variance(&merge.sensor, merge.rounding_variance),
+            current: levels
+                .iter()
+                .map(|level| (f64::from(level.median) - black).max(0.0) / exposure_s)
+                .collect(),
+            dark_exposure_s: *exposure_s,
         }
+    }
+
+    /// Variance that a dark of `excess` DN more than ordinary adds to a mean over `set`.
+    fn of_charge(&self, excess: f64, set: &Set) -> f64 {
+        if set.time == 0.0 {
+            return 0.0;
+        }
+        let charge = excess / self.dark_exposure_s * set.dark_time;
+        charge * self.per_electron / (set.time * set.time)
+    }
+
+    fn of_channel(&self, channel: usize) -> ChannelNoise {
+        let current = self.current[channel];
+        let of_set = |set: &Set| OfSet {
+            per_time: if set.time > 0.0 {
+                (1.0 / set.time) as f32
+            } else {
+                0.0
+            },
+            floor: (set.read + current * set.dark_time * self.per_electron) as f32,
+        };
+        ChannelNoise {
+            sets: self.sets.iter().map(of_set).collect(),
+            per_electron: self.per_electron as f32,
+            prnu: (self.prnu_relative * self.prnu_relative) as f32,
+            read: self.read as f32,
+        }
+    }
+}
+
+/// What turns sums of one channel into means and variances.
+struct ChannelNoise {
+    sets: Vec<OfSet>,
+    per_electron: f32,
+    prnu: f32,
+    /// Variance of one read-out, DN²: the least noise that any pixel has.
+    read: f32,
+}
+
+#[derive(Clone, Copy)]
+struct OfSet {
+    /// 1/Σt, 1/s; 0 for the empty set.
+    per_time: f32,
+    /// Variance without light, DN².
+    floor: f32,
+}
+
+impl ChannelNoise {
+    /// Turns each sum of `value` into the mean, fills `variance`, and counts what was measured.
+    fn apply(&self, value: &mut [f32], set: &[u16], variance: &mut [f32]) -> usize {
+        const BLOCK: usize = 1 << 16;
+        let blocks = value
+            .par_chunks_mut(BLOCK)
+            .zip(variance.par_chunks_mut(BLOCK));
+        blocks
+            .zip(set.par_chunks(BLOCK))
+            .map(|((value, variance), set)| {
+                let mut measured = 0;
+                for ((value, variance), set) in value.iter_mut().zip(variance).zip(set) {
+                    let OfSet { per_time, floor } = self.sets[usize::from(*set)];
+                    if per_time == 0.0 {
+                        *value = 0.0;
+                        *variance = f32::INFINITY;
+                        continue;
+                    }
+                    measured += 1;
+                    // The sum itself stands for its expectation, below zero too: clipped there,
+                    // the variances of a dark region would be too large on average.
+                    let counted = (floor + *value * self.per_electron).max(self.read);
+                    let mean = *value * per_time;
+                    *value = mean;
+                    *variance = counted * per_time * per_time + self.prnu * mean * mean;
+                }
+                measured
+            })
+            .sum()
     }
 }
 

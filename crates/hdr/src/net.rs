@@ -25,14 +25,15 @@ fn rows((width, height, channels): (usize, usize, usize)) -> impl Iterator<Item 
     (0..height).filter(move |row| (row / BAND).is_multiple_of(step))
 }
 
-/// A frame less its dark, in DN, and the dark itself. A saturated sample is NaN, which no
-/// comparison lets through; so is a row that is not looked at.
+/// A frame less its dark, in DN, and the dark itself, in the rows by which it is compared. A
+/// saturated sample is NaN, which no comparison lets through.
 #[derive(Clone, Debug)]
 pub(crate) struct Net {
     pub(crate) size: (usize, usize, usize),
     pub(crate) exposure_s: f64,
-    pub(crate) value: Vec<f32>,
-    pub(crate) dark: Vec<f32>,
+    /// Row after row of [`rows`].
+    value: Vec<f32>,
+    dark: Vec<f32>,
     pub(crate) darks: u32,
 }
 
@@ -47,21 +48,20 @@ impl Net {
         check_exposure(exposure_s)?;
         check_frame(frame)?;
         check_size(frame, dark.size())?;
-        let per_dark = 1.0 / dark.count() as f32;
         let white = white_dn as f32;
-        let mut value = vec![f32::NAN; frame.samples.len()];
-        let mut dark_mean = vec![0.0; frame.samples.len()];
         let length = frame.width * frame.channels;
-        let mut counts = vec![0.0; length];
-        for row in rows(dark.size()) {
+        let samples = length * rows(dark.size()).count();
+        let (mut value, mut level) = (vec![0.0; samples], vec![0.0; samples]);
+        let into = value
+            .chunks_exact_mut(length)
+            .zip(level.chunks_exact_mut(length));
+        for (row, (value, level)) in rows(dark.size()).zip(into) {
             let here = row * length..(row + 1) * length;
-            frame.samples.copy_to(here.clone(), &mut counts);
-            let samples = counts.iter().zip(&dark.sum()[here.clone()]);
-            let into = value[here.clone()].iter_mut().zip(&mut dark_mean[here]);
-            for ((value, mean), (&sample, sum)) in into.zip(samples) {
-                *mean = sum * per_dark;
-                *value = if sample < white {
-                    sample - *mean
+            frame.samples.copy_to(here.clone(), value);
+            dark.copy_mean_to(here, level);
+            for (value, level) in value.iter_mut().zip(level) {
+                *value = if *value < white {
+                    *value - *level
                 } else {
                     f32::NAN
                 };
@@ -71,7 +71,7 @@ impl Net {
             size: dark.size(),
             exposure_s,
             value,
-            dark: dark_mean,
+            dark: level,
             darks: dark.count(),
         })
     }
@@ -92,14 +92,14 @@ pub(crate) struct Both {
     pub(crate) row: usize,
     /// Where it is among the interleaved samples of the row.
     pub(crate) at: usize,
-    /// Where it is among the interleaved samples of the frame.
-    pub(crate) index: usize,
     /// What the samples beside it in the row let expect of the long frame, DN over dark.
     pub(crate) expected: f32,
     /// The short frame, DN over dark.
     pub(crate) short: f32,
     /// The long frame, DN over dark.
     pub(crate) long: f32,
+    /// The darks of both, DN.
+    pub(crate) darks: [f32; 2],
 }
 
 impl<'a> Pair<'a> {
@@ -136,11 +136,11 @@ impl<'a> Pair<'a> {
         let (width, _, channels) = self.short.size;
         let length = width * channels;
         let share = (self.long.exposure_s / (self.long.exposure_s + self.short.exposure_s)) as f32;
-        for row in rows(self.short.size) {
-            let start = row * length;
-            let here = start..start + length;
+        for (number, row) in rows(self.short.size).enumerate() {
+            let here = number * length..(number + 1) * length;
             let short = &self.short.value[here.clone()];
             let long = &self.long.value[here.clone()];
+            let short_dark = &self.short.dark[here.clone()];
             let dark = &self.long.dark[here];
             let of = |at: usize| short[at] + long[at];
             for at in channels..length.saturating_sub(channels) {
@@ -150,10 +150,10 @@ impl<'a> Pair<'a> {
                     each(Both {
                         row,
                         at,
-                        index: start + at,
                         expected,
                         short: short[at],
                         long: long[at],
+                        darks: [short_dark[at], dark[at]],
                     });
                 }
             }

@@ -43,6 +43,7 @@ impl Samples {
     }
 
     /// Copies `range` to `into`, which must be as long.
+    #[inline]
     pub fn copy_to(&self, range: Range<usize>, into: &mut [f32]) {
         match self {
             Self::U16(samples) => {

@@ -124,7 +124,6 @@ fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
     let share = factor / (1.0 + factor);
     // Differences, and the sums of what each would be expected to hold.
     let mut bins: Vec<(Vec<f32>, f64)> = vec![];
-    let of_darks = |dark: &[f32], i: usize| f64::from(dark[i]) - black_dn;
     let (short_reads, long_reads) = (
         1.0 + 1.0 / f64::from(pair.short.darks),
         1.0 + 1.0 / f64::from(pair.long.darks),
@@ -142,9 +141,10 @@ fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
             // does not correlate with that of the sum. The short one holds 1/ratio of it, and
             // comes in with the square of the ratio.
             let signal = f64::from(share * (both.long + both.short));
+            let [short_dark, long_dark] = both.darks.map(|dark| f64::from(dark) - black_dn);
             *charge += (1.0 + ratio) * signal
-                + long_reads * of_darks(&pair.long.dark, both.index)
-                + ratio * ratio * short_reads * of_darks(&pair.short.dark, both.index);
+                + long_reads * long_dark
+                + ratio * ratio * short_reads * short_dark;
         }
     });
     bins.into_iter()
