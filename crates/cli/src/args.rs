@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Hdr(HdrArgs),
     /// Radial profile and total of a capture or a radiance map.
     Profile(ProfileArgs),
+    /// Centre and d4sigma width of a beam, after ISO 11146: in a frame, or on the white of a capture.
+    Beam(BeamArgs),
     /// Fits the coefficients to a radial profile.
     Fit(FitArgs),
     /// Layered photon Monte Carlo.
@@ -171,6 +173,16 @@ pub(crate) struct ProfileArgs {
     /// The paper's one-dimensional slice through the spot instead of rings.
     #[arg(long)]
     pub(crate) slice: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  beamspot beam beam.pgm\n  beamspot beam capture/capture.toml --json"
+)]
+pub(crate) struct BeamArgs {
+    /// A frame, whose counts are taken as they are, or a manifest, whose white reference is merged.
+    #[arg(value_name = "FRAME|CAPTURE.toml")]
+    pub(crate) input: PathBuf,
 }
 
 #[derive(Args, Debug)]

@@ -1,5 +1,6 @@
 //! One file per command.
 
+pub(crate) mod beam;
 pub(crate) mod demo;
 pub(crate) mod fit;
 pub(crate) mod hdr;

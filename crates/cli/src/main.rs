@@ -44,6 +44,7 @@ fn run(cli: Cli) -> Result<()> {
         Command::Measure(args) => commands::measure::run(&args, common, &monitor, &mut out),
         Command::Hdr(args) => commands::hdr::run(&args, common, &monitor, &mut out),
         Command::Profile(args) => commands::profile::run(&args, common, &monitor, &mut out),
+        Command::Beam(args) => commands::beam::run(&args, common, &monitor, &mut out),
         Command::Fit(args) => commands::fit::run(&args, common, &mut out),
         Command::Simulate(args) => commands::simulate::run(&args, common, &monitor, &mut out),
         Command::Table(command) => commands::table::run(&command, common, &mut out),

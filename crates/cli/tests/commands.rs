@@ -242,6 +242,39 @@ fn another_camera() {
     );
 }
 
+/// Photographs of laser beams against what PyPI laserbeamsize 2.5.0 makes of them with
+/// `iso_noise=False`: centre, widths and angle. `tests/python/laser_beams.py` takes any folder.
+#[test]
+fn beams_are_as_wide_as_iso_11146_has_them() {
+    for (file, center, widths, angle) in [
+        (
+            "TEM00_140mm.pgm",
+            [699.93451, 394.73918],
+            [105.27011, 91.29312],
+            0.058147,
+        ),
+        (
+            "t-210mm.pgm",
+            [586.67228, 329.06832],
+            [212.24977, 181.76583],
+            0.657988,
+        ),
+    ] {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/frames/").to_owned() + file;
+        let found = json(&stdout(Path::new("."), &["beam", &path, "--json"]));
+        let beam = &found["channels"][0];
+        for axis in 0..2 {
+            let c = beam["center_px"][axis].as_f64().unwrap();
+            let d = beam["d4sigma_px"][axis].as_f64().unwrap();
+            // The same sums in another order.
+            assert!((c - center[axis]).abs() < 1e-4, "{file}: {beam}");
+            assert!((d - widths[axis]).abs() < 1e-4, "{file}: {beam}");
+        }
+        let turned = beam["angle_deg"].as_f64().unwrap().to_radians();
+        assert!((turned - angle).abs() < 1e-5, "{file}: {beam}");
+    }
+}
+
 #[test]
 fn several_captures_go_into_a_folder_each_and_one_table() {
     let folder = tempfile::tempdir().unwrap();

@@ -17,6 +17,7 @@
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
 //! | [`simulation`] | Monte Carlo simulations as files |
+//! | [`spot`] | centre and width of a beam |
 //! | [`synthesis`] | synthetic captures as files |
 //! | [`library`] | the tables that ship with beamspot |
 
@@ -35,6 +36,7 @@ pub mod monitor;
 pub mod outputs;
 pub mod sensing;
 pub mod simulation;
+pub mod spot;
 pub mod synthesis;
 
 pub use error::{Error, Kind, Result};

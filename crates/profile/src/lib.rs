@@ -34,7 +34,7 @@ mod survey;
 
 pub use center::find_center;
 pub use error::ProfileError;
-pub use moments::{BeamMoments, beam_moments};
+pub use moments::{Background, BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
