@@ -95,11 +95,19 @@ fn fitted(run: &Run, choice: &ModelChoice) -> Fit {
 
 #[test]
 fn the_transport_model_recovers_what_the_dipole_does_not() {
-    println!("medium               model        sigma_a        sigma_s'      chi2/dof");
+    println!("medium               model             sigma_a        sigma_s'      chi2/dof");
     for run in &RUNS {
         for choice in [
             ModelChoice {
                 name: "dipole".to_owned(),
+                g: None,
+            },
+            ModelChoice {
+                name: "better-dipole".to_owned(),
+                g: None,
+            },
+            ModelChoice {
+                name: "kienle-patterson".to_owned(),
                 g: None,
             },
             ModelChoice {
@@ -111,7 +119,7 @@ fn the_transport_model_recovers_what_the_dipole_does_not() {
             let error_a = found.sigma_a.value / run.sigma_a - 1.0;
             let error_s = found.sigma_s_prime.value / run.sigma_s_prime - 1.0;
             println!(
-                "{:20} {:11} {:+8.2} %    {:+8.2} %    {:8.2}",
+                "{:20} {:16} {:+8.2} %    {:+8.2} %    {:8.2}",
                 run.name,
                 choice.name,
                 100.0 * error_a,

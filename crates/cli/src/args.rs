@@ -80,7 +80,7 @@ pub(crate) struct SynthArgs {
     /// A file with material, eta and coefficients of each channel.
     #[arg(long, value_name = "FILE")]
     pub(crate) medium: Option<PathBuf>,
-    /// Model that makes the light: dipole, jensen2001 or monte-carlo (needs --g).
+    /// Model that makes the light: any that `fit` knows; monte-carlo needs --g.
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.
@@ -108,8 +108,8 @@ pub(crate) struct InitArgs {
 /// How to fit.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct FitChoice {
-    /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit) or monte-carlo (the
-    /// transport equation itself; needs --g).
+    /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit), better-dipole,
+    /// kienle-patterson or monte-carlo (the transport equation itself; needs --g).
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.

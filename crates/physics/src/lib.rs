@@ -12,6 +12,8 @@
 //! | [`fresnel`] | a smooth boundary: reflectance, its averages, the factors of entry and exit |
 //! | [`phase`] | phase functions |
 //! | [`dipole`] | the diffusion dipole of Jensen et al. (2001), its gradient, total and inverse |
+//! | [`kienle_patterson`] | the dipole with flux and fluence, each with its weight |
+//! | [`better_dipole`] | the same with Grosjean's diffusion coefficient |
 //! | [`brdf`] | the BSSRDF folded into a BRDF under uniform light |
 //! | [`first_order`] | light that scatters once in a stack of layers (Hanrahan and Krueger 1993) |
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
@@ -21,12 +23,15 @@
 //! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
 //! | [`material`] | [`Material`]: one row of a table |
 
+pub mod better_dipole;
 pub mod brdf;
 pub mod dipole;
 pub mod first_order;
 pub mod footprint;
 pub mod frame;
 pub mod fresnel;
+mod image_sources;
+pub mod kienle_patterson;
 pub mod layered;
 pub mod material;
 pub mod medium;
@@ -35,15 +40,17 @@ pub mod phase;
 pub mod profile;
 pub mod radiance;
 
+pub use better_dipole::BetterDipoleModel;
 pub use dipole::{Dipole, DipoleModel};
 pub use first_order::{FirstOrder, Reflections};
 pub use footprint::{Blur, Footprints};
 pub use frame::{Frame, Samples, Sensor};
-pub use fresnel::DiffuseFresnel;
+pub use fresnel::{DiffuseFresnel, Exitance};
+pub use kienle_patterson::KienlePattersonModel;
 pub use layered::{Layer, LayeredMedium};
 pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
-pub use model::{ForwardModel, Gradient};
+pub use model::{ForwardModel, Gradient, Trust};
 pub use phase::{HenyeyGreenstein, Phase, PhaseFunction, PhaseMixture, TabulatedPhase};
 pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
 pub use radiance::{ChannelMap, RadianceMap};

@@ -1,7 +1,7 @@
 //! What a fit asks of a model of diffuse reflectance.
 
 use crate::medium::Coefficients;
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 /// A value and its derivatives in σₐ and σₛ′.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +43,73 @@ impl Mul<f64> for Gradient {
     }
 }
 
+impl Mul for Gradient {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        Self {
+            value: self.value * other.value,
+            in_sigma_a: self.in_sigma_a * other.value + self.value * other.in_sigma_a,
+            in_sigma_s_prime: self.in_sigma_s_prime * other.value
+                + self.value * other.in_sigma_s_prime,
+        }
+    }
+}
+
+impl Div for Gradient {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self * other.map(1.0 / other.value, -1.0 / (other.value * other.value))
+    }
+}
+
+impl Gradient {
+    /// A number that no coefficient moves.
+    pub const fn constant(value: f64) -> Self {
+        Self {
+            value,
+            in_sigma_a: 0.0,
+            in_sigma_s_prime: 0.0,
+        }
+    }
+
+    /// σₐ and σₛ′ themselves, as what everything else is differentiated by.
+    pub const fn of(coefficients: Coefficients) -> (Self, Self) {
+        let sigma_a = Self {
+            value: coefficients.sigma_a,
+            in_sigma_a: 1.0,
+            in_sigma_s_prime: 0.0,
+        };
+        let sigma_s_prime = Self {
+            value: coefficients.sigma_s_prime,
+            in_sigma_a: 0.0,
+            in_sigma_s_prime: 1.0,
+        };
+        (sigma_a, sigma_s_prime)
+    }
+
+    /// A function of this number: `value` there, with `slope` in this number.
+    pub fn map(self, value: f64, slope: f64) -> Self {
+        // Where the slope is infinite, what does not move stays where it is.
+        let times = |x: f64| if x == 0.0 { 0.0 } else { slope * x };
+        Self {
+            value,
+            in_sigma_a: times(self.in_sigma_a),
+            in_sigma_s_prime: times(self.in_sigma_s_prime),
+        }
+    }
+}
+
+/// Where a model may be trusted: what it leaves out costs about ten percent at these limits.
+///
+/// docs/models.md shows what each model is off by against transport, with the command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trust {
+    /// Smallest reduced albedo α′.
+    pub least_albedo_prime: f64,
+    /// Smallest distance from the beam, in transport lengths 1/σₜ′.
+    pub least_transport_lengths: f64,
+}
+
 /// Diffuse reflectance of a half-space at one relative index, for any coefficients.
 ///
 /// Everything is per unit of power that *enters* the medium, under a pencil beam along the
@@ -70,6 +137,14 @@ pub trait ForwardModel: Sync {
 
     /// The light that leaves farther than `radius` mm from the beam; the total for 0.
     fn beyond(&self, coefficients: Coefficients, radius: f64) -> f64;
+
+    /// Where the model may be trusted.
+    fn trust(&self) -> Trust {
+        Trust {
+            least_albedo_prime: 0.5,
+            least_transport_lengths: 2.0,
+        }
+    }
 
     /// Relative standard error of R_d at `radius` mm that comes from the model's own numerics, a
     /// table's interpolation for one: against the equation that it solves, not against nature.

@@ -2,7 +2,9 @@
 
 use crate::error::{Blame, Error, Kind, Result};
 use formats::materials_csv;
-use physics::{DiffuseFresnel, DipoleModel, ForwardModel, Material};
+use physics::{
+    BetterDipoleModel, DiffuseFresnel, DipoleModel, ForwardModel, KienlePattersonModel, Material,
+};
 use transport::TransportModel;
 
 /// Jensen et al. (2001), Figure 5, as `data/materials.csv`.
@@ -43,7 +45,13 @@ pub fn material(name: &str) -> Result<Vec<Material>> {
 }
 
 /// The names of the models that a fit can use.
-pub const MODELS: [&str; 3] = ["dipole", "jensen2001", "monte-carlo"];
+pub const MODELS: [&str; 5] = [
+    "dipole",
+    "jensen2001",
+    "better-dipole",
+    "kienle-patterson",
+    "monte-carlo",
+];
 
 /// Which model, at every relative index.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,6 +111,8 @@ pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
     match name {
         "dipole" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::Exact))),
         "jensen2001" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::RationalFit))),
+        "better-dipole" => Ok(Box::new(BetterDipoleModel::new(eta))),
+        "kienle-patterson" => Ok(Box::new(KienlePattersonModel::new(eta))),
         _ => {
             let message = format!(
                 "no model is called `{name}`; there are {}",
