@@ -7,7 +7,10 @@
 //! | `budget` | [`Contribution`]: what each input adds to the uncertainties |
 //! | `options` | what the caller chooses: constraint, range, blur, entry loss |
 //! | `result` | [`Fit`] with its uncertainties, [`Termination`], [`Warning`], [`FitError`] |
-//! | `problem` | the weighted residuals, with pixels counted once |
+//! | `geometry` | where the data lie, and what each averages over |
+//! | `problem` | which data with which weight, with pixels counted once |
+//! | `equations` | the normal equations with every nuisance eliminated |
+//! | `conclude` | from the optimum to numbers with uncertainties |
 //! | `solve` | the search: a scan that cannot miss, then Gauss-Newton |
 //! | `range` | which radii a diffusion model can speak for |
 //!
@@ -16,6 +19,9 @@
 //! constraint leaves a problem in one dimension.
 
 mod budget;
+mod conclude;
+mod equations;
+mod geometry;
 mod options;
 mod problem;
 mod range;
@@ -23,10 +29,14 @@ mod result;
 mod solve;
 
 pub use budget::Contribution;
-pub use options::{Constraint, FitOptions};
+pub use options::{Constraint, Direction, DirectionKind, FitOptions};
 pub use result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
 
-use physics::{ForwardModel, RadialProfile, TotalReflectance};
+use equations::Workspace;
+use geometry::Geometry;
+use physics::{Coefficients, ForwardModel, ProfilePoint, RadialProfile, TotalReflectance};
+use problem::{Data, Problem};
+use solve::Solution;
 
 /// Fits one channel.
 ///
@@ -45,26 +55,68 @@ pub fn fit(
     options: &FitOptions,
 ) -> Result<Fit, FitError> {
     problem::check(profile, total, options)?;
-    if let Some(range) = options.range_mm {
-        let problem = problem::Problem::new(profile, total, model, options, range)?;
-        return Ok(problem.conclude(solve::solve(&problem), vec![]));
-    }
-    // The range depends on σₜ′, which the fit finds: a few rounds settle which points are in.
-    let mut range = range::widest(profile, options)?;
+    let geometry = Geometry::new(&profile.points, options)?;
+    let of_points = |f: fn(&ProfilePoint) -> f64| -> Vec<f64> {
+        let points = geometry.indices.iter();
+        points.map(|&i| f(&profile.points[i])).collect()
+    };
+    let data = Data {
+        geometry: &geometry,
+        value: &of_points(|p| p.reflectance_per_mm2),
+        u: &of_points(|p| p.u_reflectance_per_mm2),
+        total: total
+            .filter(|_| options.constraint != Constraint::None)
+            .map(Into::into),
+        model,
+        options,
+        channel: &|| profile.channel.clone(),
+    };
+    let (mut problem, solution, warning) = search(data, Workspace::default())?;
+    Ok(problem.conclude(&solution, warning))
+}
+
+/// Rounds after which a range, or a discrepancy, that will not settle is taken as it is.
+const ROUNDS: usize = 20;
+/// Relative change of a coefficient below which the model's discrepancy there is settled.
+const SETTLED: f64 = 1e-6;
+
+/// Solves again until the radii that the model can be trusted at, and the model's discrepancy
+/// there, are those of the solution itself.
+fn search(
+    data: Data<'_>,
+    mut space: Workspace,
+) -> Result<(Problem<'_>, Solution, Option<Warning>), FitError> {
+    let options = data.options;
+    let mut range = data.geometry.range_mm;
+    let mut found: Option<Coefficients> = None;
     let mut rounds = 0;
     loop {
-        let problem = problem::Problem::new(profile, total, model, options, range)?;
-        let solution = solve::solve(&problem);
+        let mut problem = Problem::new(data, range, found, space)?;
+        let solution = solve::solve(&mut problem);
         rounds += 1;
-        let (next, warning) = range::trusted(profile, options, problem.coefficients(&solution));
-        // A step back and forth over one ring would never end: take the later start.
-        if rounds >= 8 || range::same_points(profile, range, next) {
-            return Ok(problem.conclude(solution, warning.into_iter().collect()));
-        }
-        range = if rounds > 4 {
-            (next.0.max(range.0), next.1)
-        } else {
-            next
+        let next = problem.coefficients(&solution);
+        let settled = data.model.discrepancies() == 0
+            || found.is_some_and(|last| {
+                let moved = |a: f64, b: f64| (a - b).abs() > SETTLED * b;
+                !moved(last.sigma_t_prime(), next.sigma_t_prime())
+                    && !moved(last.sigma_tr(), next.sigma_tr())
+            });
+        found = Some(next);
+        // The range depends on σₜ′, which the fit finds: a few rounds settle which points are in.
+        let (trusted, warning) = match options.range_mm {
+            Some(range) => (range, None),
+            None => range::trusted(data.geometry.outer_mm, options, next),
         };
+        let same = range::same_points(&data.geometry.edges, range, trusted);
+        if (same || rounds >= 8) && settled || rounds >= ROUNDS {
+            return Ok((problem, solution, warning));
+        }
+        // A step back and forth over one ring would never end: take the later start.
+        if rounds > 4 {
+            range = (trusted.0.max(range.0), trusted.1);
+        } else {
+            range = trusted;
+        }
+        space = problem.space;
     }
 }

@@ -15,6 +15,27 @@ pub enum Constraint {
     None,
 }
 
+/// A way in which the data may be off together: a nuisance of mean 0 and variance 1, independent
+/// of all others, that a fit carries along and eliminates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// What the numbers are relative to.
+    pub kind: DirectionKind,
+    /// For one standard deviation, the change of every point of the whole profile, in its order.
+    pub profile: Vec<f64>,
+    /// The change of the total.
+    pub total: f64,
+}
+
+/// What the numbers of a [`Direction`] are relative to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DirectionKind {
+    /// The model's value: a dimensionless share of it.
+    Relative,
+    /// Nothing: mm⁻² for the profile; the total's is dimensionless anyway.
+    Absolute,
+}
+
 /// How to fit. Every value is legal by itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitOptions {
@@ -26,8 +47,13 @@ pub struct FitOptions {
     /// Share of the incident power that enters the medium (`physics::fresnel::entry_factor`);
     /// 1 is the paper's mode.
     pub entry_factor: f64,
-    /// Relative standard uncertainty of the scale that profile and total share.
+    /// Relative standard uncertainty of the scale that profile and total share. 0 where it is
+    /// known, infinite where it is not known at all: then the shape alone decides.
     pub u_scale_relative: f64,
+    /// Ways beside the scale, and beside those of the model
+    /// (`physics::ForwardModel::discrepancy`), in which the data may be off together.
+    /// [`Constraint::Exact`] heeds what they do to the profile.
+    pub directions: Vec<Direction>,
     /// Beam width and pixel that the profile was blurred by.
     pub blur: Blur,
     /// Where the search gives up and returns its best so far.
@@ -41,6 +67,7 @@ impl Default for FitOptions {
             range_mm: None,
             entry_factor: 1.0,
             u_scale_relative: 0.0,
+            directions: vec![],
             blur: Blur::NONE,
             max_evaluations: 2000,
         }

@@ -39,6 +39,9 @@ pub struct Residual {
     pub u_per_mm2: f64,
     /// What the model says at the optimum, mm⁻²: the scale factor is in it.
     pub model_per_mm2: f64,
+    /// What the fitted nuisances add to it, mm⁻²: the model's discrepancy and
+    /// [`crate::FitOptions::directions`].
+    pub nuisances_per_mm2: f64,
 }
 
 /// The total reflectance beside the model's, per incident power.
@@ -263,6 +266,16 @@ pub enum FitError {
         beam_mm: f64,
         /// Last radius, mm.
         profile_mm: f64,
+    },
+    /// A direction does not fit the profile.
+    #[error(
+        "a direction of the fit has {found} numbers for {expected} points, or one that is not finite"
+    )]
+    BadDirection {
+        /// How many numbers it has for the profile.
+        found: usize,
+        /// How many points the profile has.
+        expected: usize,
     },
     /// An option lies outside its domain.
     #[error("{name} must be {expected}, got {found}")]

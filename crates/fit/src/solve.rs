@@ -46,18 +46,18 @@ struct Start {
 }
 
 /// Solves `problem` under its constraint. Needs no start.
-pub(crate) fn solve(problem: &Problem) -> Solution {
+pub(crate) fn solve(problem: &mut Problem) -> Solution {
     let mut budget = Budget {
         used: 0,
-        limit: problem.options.max_evaluations,
+        limit: problem.data.options.max_evaluations,
     };
-    let starts = match problem.options.constraint {
+    let starts = match problem.data.options.constraint {
         Constraint::Exact | Constraint::Joint => scan_constraint(problem, &mut budget),
         Constraint::None => scan_plane(problem, &mut budget),
     };
     let mut best: Option<Solution> = None;
     for start in &starts {
-        let solution = match problem.options.constraint {
+        let solution = match problem.data.options.constraint {
             Constraint::Exact => along_constraint(problem, start, &mut budget),
             Constraint::Joint => {
                 // What the hard constraint gives is a start that is never far.
@@ -144,7 +144,7 @@ fn least_lambda(problem: &Problem, total: f64) -> Option<f64> {
 ///
 /// Where the measured total lies above what the medium can return, but by less than 3 u, the
 /// constraint holds τ at its bound: so the scan covers that stretch, and the kink where it ends.
-fn scan_constraint(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
+fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     let (low, high) = problem.lambda_bounds();
     let from = least_lambda(problem, problem.least_total()).unwrap_or(low);
     let mut lambdas: Vec<f64> = (0..SCAN)
@@ -202,7 +202,7 @@ fn scan_constraint(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
 }
 
 /// The best absorption at every λ of a scan over both coordinates, best first.
-fn scan_plane(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
+fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     let (low, high) = problem.lambda_bounds();
     let mut starts: Vec<Start> = (0..SCAN)
         .filter_map(|i| {
@@ -230,7 +230,7 @@ fn scan_plane(problem: &Problem, budget: &mut Budget) -> Vec<Start> {
 }
 
 /// The minimum along the constraint: the zero of the gradient in λ inside the bracket.
-fn along_constraint(problem: &Problem, start: &Start, budget: &mut Budget) -> Solution {
+fn along_constraint(problem: &mut Problem, start: &Start, budget: &mut Budget) -> Solution {
     let (mut low, mut high, mut lambda) = (start.low, start.high, start.point.lambda);
     let mut termination = Termination::OutOfEvaluations;
     let (mut point, mut tau_slope, mut chi2) = (start.point, 0.0, start.chi2);
@@ -268,7 +268,7 @@ fn along_constraint(problem: &Problem, start: &Start, budget: &mut Budget) -> So
 }
 
 /// Levenberg-Marquardt in (τ, λ) from one start, τ held inside its bounds.
-fn descend(problem: &Problem, start: Point, budget: &mut Budget) -> Solution {
+fn descend(problem: &mut Problem, start: Point, budget: &mut Budget) -> Solution {
     let (lambda_low, lambda_high) = problem.lambda_bounds();
     let mut at = start;
     let mut normal = problem.normal(at);

@@ -7,6 +7,7 @@ use gauss_quad::GaussLegendre;
 use nalgebra::DMatrix;
 use std::f64::consts::{LN_2, PI};
 use std::num::NonZeroUsize;
+use std::ops::Range;
 
 /// Power of the beam across the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -166,38 +167,74 @@ impl Footprints {
     pub fn reflectance(&self, model: &dyn ForwardModel, at: Coefficients, out: &mut [f64]) {
         let mut values = vec![0.0; self.radii.len()];
         model.diffuse_reflectance(at, &self.radii, &mut values);
-        self.average(&values, out);
+        debug_assert_eq!(out.len(), self.len());
+        let mut start = 0;
+        for (out, &end) in out.iter_mut().zip(&self.ends) {
+            let pairs = values[start..end].iter().zip(&self.weights[start..end]);
+            *out = pairs.map(|(v, w)| v * w).sum();
+            start = end;
+        }
     }
 
-    /// What `model` says of every datum, with derivatives, into `out`.
+    /// What `model` says of the data `which`, with derivatives, times `factor`, into `rows`,
+    /// which holds as many.
     ///
     /// `scratch` is any vector; it is kept by the caller so that a fit allocates once.
     pub fn reflectance_gradient(
         &self,
         model: &dyn ForwardModel,
         at: Coefficients,
+        which: Range<usize>,
+        factor: f64,
         scratch: &mut Vec<Gradient>,
-        out: &mut [Gradient],
+        rows: Rows,
     ) {
-        scratch.resize(self.radii.len(), Gradient::default());
-        model.diffuse_reflectance_gradient(at, &self.radii, scratch);
-        self.average(scratch, out);
-    }
-
-    fn average<T>(&self, values: &[T], out: &mut [T])
-    where
-        T: Copy + Default + std::ops::Add<Output = T> + std::ops::Mul<f64, Output = T>,
-    {
-        debug_assert_eq!(out.len(), self.len());
+        let Rows {
+            value,
+            in_sigma_a,
+            in_sigma_s_prime,
+        } = rows;
+        debug_assert_eq!(value.len(), which.len());
+        let end = |i: usize| if i == 0 { 0 } else { self.ends[i - 1] };
+        let (first, last) = (end(which.start), end(which.end));
+        scratch.resize(last - first, Gradient::default());
+        model.diffuse_reflectance_gradient(at, &self.radii[first..last], scratch);
+        let weights = &self.weights[first..last];
+        let out = value.iter_mut().zip(in_sigma_a).zip(in_sigma_s_prime);
+        if last - first == which.len() {
+            // One radius a datum: nothing to average, but for rounding of the only weight.
+            for (((v, a), s), (gradient, weight)) in out.zip(scratch.iter().zip(weights)) {
+                let weight = weight * factor;
+                *v = weight * gradient.value;
+                *a = weight * gradient.in_sigma_a;
+                *s = weight * gradient.in_sigma_s_prime;
+            }
+            return;
+        }
         let mut start = 0;
-        for (out, &end) in out.iter_mut().zip(&self.ends) {
-            *out = values[start..end]
-                .iter()
-                .zip(&self.weights[start..end])
-                .fold(T::default(), |sum, (v, w)| sum + *v * *w);
-            start = end;
+        for (((v, a), s), &end) in out.zip(&self.ends[which]) {
+            let nodes = start..end - first;
+            let mut sum = Gradient::default();
+            for (gradient, &weight) in scratch[nodes.clone()].iter().zip(&weights[nodes]) {
+                sum = sum + *gradient * weight;
+            }
+            *v = factor * sum.value;
+            *a = factor * sum.in_sigma_a;
+            *s = factor * sum.in_sigma_s_prime;
+            start = end - first;
         }
     }
+}
+
+/// Values and derivatives of many data, one slice each: what [`Gradient`] is for one.
+#[derive(Debug)]
+pub struct Rows<'a> {
+    /// The values.
+    pub value: &'a mut [f64],
+    /// ∂/∂σₐ.
+    pub in_sigma_a: &'a mut [f64],
+    /// ∂/∂σₛ′.
+    pub in_sigma_s_prime: &'a mut [f64],
 }
 
 /// A Gauss rule for the distance from the centre of a point drawn from `ring` (radii and

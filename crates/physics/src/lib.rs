@@ -43,7 +43,7 @@ pub mod radiance;
 pub use better_dipole::BetterDipoleModel;
 pub use dipole::{Dipole, DipoleModel};
 pub use first_order::{FirstOrder, Reflections};
-pub use footprint::{Blur, Footprints};
+pub use footprint::{Blur, Footprints, Rows};
 pub use frame::{Frame, Samples, Sensor};
 pub use fresnel::{DiffuseFresnel, Exitance};
 pub use kienle_patterson::KienlePattersonModel;

@@ -151,4 +151,27 @@ pub trait ForwardModel: Sync {
     fn relative_error(&self, _coefficients: Coefficients, _radius: f64) -> f64 {
         0.0
     }
+
+    /// How many independent ways there are in which the model may be wrong: see
+    /// [`Self::discrepancy`].
+    fn discrepancies(&self) -> usize {
+        0
+    }
+
+    /// In what ways the model is wrong of nature (or of the transport equation), at
+    /// `coefficients`: the relative error of R_d at each `radius` (mm) for one standard deviation
+    /// of each way, into `columns`.
+    ///
+    /// `columns` holds [`Self::discrepancies`] runs of `radius.len()` numbers, one run for each
+    /// way, which are independent of each other. The error of the model at radius r is
+    /// R_d(r) · Σₖ zₖ φₖ(r) with φₖ in column k and every zₖ of mean 0 and variance 1; φₖ should
+    /// vary as slowly with r as a ring is wide. A fit carries the zₖ as nuisances and eliminates
+    /// them exactly; it takes the φₖ at its last estimate of the coefficients as fixed, and goes
+    /// round until that no longer moves.
+    fn discrepancy(&self, _coefficients: Coefficients, _radius: &[f64], _columns: &mut [f64]) {}
+
+    /// The relative error of [`Self::within`] `radius` for one standard deviation of each way of
+    /// [`Self::discrepancy`], into `out`, of [`Self::discrepancies`] numbers; the total's for an
+    /// infinite `radius`.
+    fn discrepancy_within(&self, _coefficients: Coefficients, _radius: f64, _out: &mut [f64]) {}
 }

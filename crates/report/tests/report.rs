@@ -307,6 +307,7 @@ fn odd(points: &[(f64, f64, f64)], number: f64) -> (Fit, RadialProfile) {
                 measured_per_mm2,
                 u_per_mm2,
                 model_per_mm2: number,
+                nuisances_per_mm2: 0.0,
             })
             .collect(),
     };

@@ -1,0 +1,242 @@
+//! From a solution to numbers with their uncertainties.
+
+use crate::budget::Contribution;
+use crate::options::Constraint;
+use crate::problem::{Problem, jacobian};
+use crate::result::{Estimate, Fit, Residual, Termination, TotalFit, Warning};
+use crate::solve::Solution;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+const NORMAL_95_TWO_SIDED: f64 = 1.959_963_984_540_054;
+const NORMAL_95_ONE_SIDED: f64 = 1.644_853_626_951_472;
+
+/// Residuals beyond noise at this probability widen the uncertainties.
+const POOR_FIT_PROBABILITY: f64 = 1e-3;
+/// What the fit itself propagates: the data's noise, the total's, and every shared nuisance.
+const OWN: &str = "noise and shared scale";
+const LOW_ALBEDO: f64 = 0.5;
+/// Standard uncertainties of the scale beyond which it is named.
+const SCALE_OFF: f64 = 4.0;
+const MUCH_LIGHT_OUTSIDE: f64 = 0.05;
+
+/// What a fit says in numbers, without what it takes memory to hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Summary {
+    pub(crate) sigma_a: Estimate,
+    pub(crate) sigma_s_prime: Estimate,
+    pub(crate) correlation: f64,
+    pub(crate) upper_limit: Option<f64>,
+    pub(crate) total: Option<TotalFit>,
+    pub(crate) scale: f64,
+    pub(crate) range_mm: (f64, f64),
+    pub(crate) share_outside: f64,
+    pub(crate) reduced_chi2: f64,
+    /// Factor by which χ² widened the uncertainties.
+    pub(crate) widened: f64,
+    pub(crate) evaluations: usize,
+    pub(crate) termination: Termination,
+    albedo_prime: f64,
+}
+
+impl Problem<'_> {
+    /// What `solution` says in numbers.
+    pub(crate) fn summary(&mut self, solution: &Solution) -> Summary {
+        let &Solution {
+            point,
+            evaluations,
+            termination,
+            ..
+        } = solution;
+        let data = self.data;
+        let options = data.options;
+        let at = point.coefficients(self.epsilon);
+        let t = at.sigma_t_prime();
+        let exact = options.constraint == Constraint::Exact;
+        let scale = if exact { 1.0 } else { self.normal(point).scale };
+
+        // A nuisance with a prior costs nothing: the prior is a datum. One without does.
+        let unknown = usize::from(!exact && options.u_scale_relative == f64::INFINITY);
+        let free = if exact { 1 } else { 2 } + unknown;
+        let extra = usize::from(!exact && data.total.is_some());
+        let freedom = (self.points + extra).saturating_sub(free) as f64;
+        let reduced_chi2 = if freedom > 0.0 {
+            solution.chi2 / freedom
+        } else {
+            0.0
+        };
+        // Below 1 no chi-squared is improbable.
+        let probability = if reduced_chi2 > 1.0 {
+            ChiSquared::new(freedom).map_or(1.0, |d| d.sf(solution.chi2))
+        } else {
+            1.0
+        };
+        let widened = if probability < POOR_FIT_PROBABILITY {
+            reduced_chi2.sqrt().max(1.0)
+        } else {
+            1.0
+        };
+
+        let covariance = self.covariance(solution) * (widened * widened);
+        let (in_a, in_s) = jacobian(point, self.epsilon);
+        let u_s = in_s.dot(&(covariance * in_s)).max(0.0).sqrt();
+        let variance_a = in_a.dot(&(covariance * in_a)).max(0.0);
+        let mixed = in_a.dot(&(covariance * in_s));
+        // The interval is symmetric in v = τ/√(3σₜ′), where the data are linear, and not in
+        // σₐ = v(v + 2c): near 0 the two differ.
+        let shrink = 1.0 / (3.0 * t).sqrt();
+        let (v, c) = (point.tau * shrink, self.epsilon * shrink);
+        let u_v = variance_a.sqrt() / (2.0 * (v + c));
+        let sigma_a = |v: f64| v.max(0.0) * (v.max(0.0) + 2.0 * c);
+        // Of a squared normal variate, whose curvature matters near 0 alone.
+        let u_a = (variance_a + 2.0 * u_v.powi(4)).sqrt();
+        let (low, high) = (
+            sigma_a(v - NORMAL_95_TWO_SIDED * u_v),
+            sigma_a(v + NORMAL_95_TWO_SIDED * u_v),
+        );
+        let above = data.total.is_some_and(|t| t.total > options.entry_factor);
+        let upper_limit = (low == 0.0 || above).then(|| sigma_a(v + NORMAL_95_ONE_SIDED * u_v));
+        // Noise that was estimated from the residuals is known as well as they tell it.
+        let degrees_of_freedom = if widened > 1.0 {
+            freedom
+        } else {
+            f64::INFINITY
+        };
+        let value_a = if termination == Termination::AtBound {
+            0.0
+        } else {
+            at.sigma_a
+        };
+        let model = data.model;
+        let share_outside = model.beyond(at, data.geometry.outer_mm) / model.beyond(at, 0.0);
+        let total = data.total.map(|t| TotalFit {
+            measured: t.total,
+            u: t.u,
+            model: self.enclosed(point).value,
+            radius_max_mm: t.radius_max_mm,
+        });
+        Summary {
+            sigma_a: Estimate {
+                value: value_a,
+                u: u_a,
+                ci95: (low, high),
+                degrees_of_freedom,
+            },
+            sigma_s_prime: Estimate {
+                value: at.sigma_s_prime,
+                u: u_s,
+                ci95: (
+                    (at.sigma_s_prime - NORMAL_95_TWO_SIDED * u_s).max(0.0),
+                    at.sigma_s_prime + NORMAL_95_TWO_SIDED * u_s,
+                ),
+                degrees_of_freedom,
+            },
+            correlation: if variance_a > 0.0 && u_s > 0.0 {
+                mixed / (u_a * u_s)
+            } else {
+                0.0
+            },
+            upper_limit,
+            total,
+            scale,
+            range_mm: self.range,
+            share_outside,
+            reduced_chi2,
+            widened,
+            evaluations,
+            termination,
+            albedo_prime: at.albedo_prime(),
+        }
+    }
+
+    /// The points that took part, beside the model of the last evaluation.
+    fn residuals(&self, scale: f64) -> Vec<Residual> {
+        let data = self.data;
+        let fitted = self.span.clone().enumerate();
+        fitted
+            .filter(|&(row, _)| self.space.weight[row] > 0.0)
+            .map(|(row, i)| Residual {
+                radius_mm: data.geometry.radii[i],
+                measured_per_mm2: data.value[i],
+                u_per_mm2: data.u[i],
+                model_per_mm2: scale * self.space.value[row],
+                nuisances_per_mm2: self.space.fitted(row, scale) - scale * self.space.value[row],
+            })
+            .collect()
+    }
+
+    /// The fit that `solution` stands for; `trusted` is what the choice of the range warned of.
+    pub(crate) fn conclude(&mut self, solution: &Solution, trusted: Option<Warning>) -> Fit {
+        let summary = self.summary(solution);
+        if self.data.options.constraint == Constraint::Exact {
+            self.along_constraint(solution.point, solution.tau_slope);
+        } else {
+            self.normal(solution.point);
+        }
+        let mut warnings: Vec<Warning> = trusted.into_iter().collect();
+        summary.warn(
+            self.data.options.u_scale_relative,
+            self.data.options.entry_factor,
+            &mut warnings,
+        );
+        Fit {
+            channel: (self.data.channel)(),
+            sigma_a: summary.sigma_a,
+            sigma_s_prime: summary.sigma_s_prime,
+            correlation: summary.correlation,
+            budget: vec![Contribution {
+                source: OWN.to_owned(),
+                u_sigma_a: summary.sigma_a.u,
+                u_sigma_s_prime: summary.sigma_s_prime.u,
+                correlation: summary.correlation,
+                degrees_of_freedom: summary.sigma_a.degrees_of_freedom,
+            }],
+            upper_limit: summary.upper_limit,
+            total: summary.total,
+            scale: summary.scale,
+            range_mm: summary.range_mm,
+            share_outside: summary.share_outside,
+            reduced_chi2: summary.reduced_chi2,
+            evaluations: summary.evaluations,
+            termination: summary.termination,
+            warnings,
+            residuals: self.residuals(summary.scale),
+        }
+    }
+}
+
+impl Summary {
+    /// What a user should know of these numbers.
+    fn warn(&self, u_scale: f64, ceiling: f64, warnings: &mut Vec<Warning>) {
+        if self.widened > 1.0 {
+            warnings.push(Warning::PoorFit {
+                reduced_chi2: self.reduced_chi2,
+                widened: self.widened,
+            });
+        }
+        if u_scale > 0.0 && (self.scale - 1.0).abs() > SCALE_OFF * u_scale {
+            warnings.push(Warning::ScaleOff {
+                scale: self.scale,
+                u: u_scale,
+            });
+        }
+        if let Some(upper_limit) = self.upper_limit {
+            warnings.push(Warning::UpperLimitOnly { upper_limit });
+        }
+        if self.share_outside > MUCH_LIGHT_OUTSIDE {
+            warnings.push(Warning::LightOutside {
+                percent: 100.0 * self.share_outside,
+            });
+        }
+        if self.albedo_prime < LOW_ALBEDO {
+            warnings.push(Warning::LowAlbedo {
+                albedo_prime: self.albedo_prime,
+            });
+        }
+        if let Some(total) = self.total.filter(|t| t.measured > ceiling) {
+            warnings.push(Warning::TotalAtCeiling {
+                total: total.measured,
+                ceiling,
+            });
+        }
+    }
+}

@@ -1,0 +1,494 @@
+//! The normal equations of one point of the search, with every nuisance eliminated.
+//!
+//! Datum i is dᵢ = mᵢ + Σₖ cₖᵢ zₖ + noise, where the columns cₖᵢ are φₖᵢ·mᵢ for a relative
+//! direction (the scale factor is one, with φ = 1) and fixed numbers for an absolute one, and every
+//! zₖ has a prior of mean 0 and precision pₖ: 1 for a direction, 1/u² for the scale, 0 for a scale
+//! that is not known. At its best z solves (P + CᵀWC) z = CᵀW(d − m); what remains of χ² and of its
+//! curvature is the Schur complement of z. It is the same as weighing the data by the inverse of
+//! their full covariance (Woodbury), and the columns keep their dependence on the model.
+
+use nalgebra::{Matrix2, Vector2};
+
+/// Memory that a fit reuses from one evaluation to the next.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    /// The model at the nodes of the data's footprints.
+    pub(crate) nodes: Vec<physics::Gradient>,
+    /// Inverse variances; 0 for a datum that takes no part. Like everything here that is one
+    /// number a datum, the total comes last, behind the rings.
+    pub(crate) weight: Vec<f64>,
+    pub(crate) datum: Vec<f64>,
+    /// What each ring takes away from the total's own datum.
+    pub(crate) area: Vec<f64>,
+    /// The model with its derivatives in σₐ and σₛ′.
+    pub(crate) value: Vec<f64>,
+    pub(crate) in_sigma_a: Vec<f64>,
+    pub(crate) in_sigma_s_prime: Vec<f64>,
+    /// φₖᵢ by direction, the rings' and the total's.
+    pub(crate) relative: Vec<f64>,
+    /// Fixed cₖᵢ by direction.
+    pub(crate) absolute: Vec<f64>,
+    /// How many directions there are of each kind, the scale left out.
+    pub(crate) relative_count: usize,
+    pub(crate) absolute_count: usize,
+    /// cₖᵢ by direction, the scale left out: its column is the model's value.
+    column: Vec<f64>,
+    /// What multiplies a ring's derivatives: 1 + Σ φₖᵢ zₖ.
+    factor: Vec<f64>,
+    residual: Vec<f64>,
+    /// P + CᵀWC, then its Cholesky factor.
+    gram: Vec<f64>,
+    /// The nuisances at their best: the scale's first, if it is free.
+    z: Vec<f64>,
+    /// CᵀW times the derivatives in σₐ and σₛ′.
+    mixed: [Vec<f64>; 2],
+}
+
+/// The total's own row, before the rings are taken away from it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TotalRow {
+    pub(crate) value: f64,
+    pub(crate) weight: f64,
+    pub(crate) model: physics::Gradient,
+    /// Whether the fitted rings are part of it, so that its datum is what remains of it.
+    pub(crate) remainder: bool,
+}
+
+/// χ² and what a Gauss-Newton step needs, in (σₐ, σₛ′), with every nuisance eliminated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reduced {
+    pub(crate) chi2: f64,
+    /// Half the gradient.
+    pub(crate) gradient: Vector2<f64>,
+    /// Half the Gauss-Newton Hessian.
+    pub(crate) hessian: Matrix2<f64>,
+    /// The scale factor at its best.
+    pub(crate) scale: f64,
+}
+
+/// Which terms of the equations take part.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Terms {
+    /// The total as a datum.
+    pub(crate) total: Option<TotalRow>,
+    /// Precision of the prior of the scale; `None` where it is known.
+    pub(crate) scale_precision: Option<f64>,
+}
+
+impl Workspace {
+    /// Makes room for `rings` data and a total.
+    pub(crate) fn resize(&mut self, rings: usize) {
+        for buffer in [
+            &mut self.weight,
+            &mut self.datum,
+            &mut self.area,
+            &mut self.value,
+            &mut self.in_sigma_a,
+            &mut self.in_sigma_s_prime,
+            &mut self.factor,
+            &mut self.residual,
+        ] {
+            buffer.clear();
+            buffer.resize(rings + 1, 0.0);
+        }
+    }
+
+    /// Makes room for the directions; the caller fills `relative` and `absolute`.
+    pub(crate) fn resize_directions(&mut self, relative: usize, absolute: usize) {
+        let data = self.weight.len();
+        (self.relative_count, self.absolute_count) = (relative, absolute);
+        self.relative.clear();
+        self.relative.resize(relative * data, 0.0);
+        self.absolute.clear();
+        self.absolute.resize(absolute * data, 0.0);
+        self.column.clear();
+        self.column.resize((relative + absolute) * data, 0.0);
+        let all = relative + absolute + 1;
+        self.gram.resize(all * all, 0.0);
+        let [in_a, in_s] = &mut self.mixed;
+        for buffer in [&mut self.z, in_a, in_s] {
+            buffer.resize(all, 0.0);
+        }
+    }
+
+    /// The reduced equations, from the model's rows of the rings.
+    pub(crate) fn reduce(&mut self, terms: &Terms) -> Reduced {
+        self.add_total(terms.total);
+        if self.relative_count + self.absolute_count == 0 {
+            return self.reduce_scale(terms.scale_precision);
+        }
+        self.reduce_all(terms)
+    }
+
+    /// The last row: the total, less what its rings say already.
+    fn add_total(&mut self, total: Option<TotalRow>) {
+        let rings = self.weight.len() - 1;
+        let rows = [
+            &mut self.value,
+            &mut self.in_sigma_a,
+            &mut self.in_sigma_s_prime,
+        ];
+        let Some(total) = total else {
+            self.weight[rings] = 0.0;
+            for row in rows {
+                row[rings] = 0.0;
+            }
+            return;
+        };
+        (self.datum[rings], self.weight[rings]) = (total.value, total.weight);
+        let own = total.model;
+        for (row, own) in rows
+            .into_iter()
+            .zip([own.value, own.in_sigma_a, own.in_sigma_s_prime])
+        {
+            row[rings] = own;
+            if total.remainder {
+                row[rings] -= dot(&row[..rings], &self.area[..rings]);
+            }
+        }
+    }
+
+    /// With the scale as the only nuisance, or none.
+    fn reduce_scale(&mut self, precision: Option<f64>) -> Reduced {
+        let rows = || {
+            let weights = self.weight.iter().zip(&self.datum).zip(&self.value);
+            weights
+                .zip(self.in_sigma_a.iter().zip(&self.in_sigma_s_prime))
+                .map(|(((&w, &d), &v), (&a, &s))| (w, d, v, a, s))
+        };
+        let (mut scale, mut norm) = (1.0, 0.0);
+        if let Some(precision) = precision {
+            let mut up = 0.0;
+            for (w, d, v, _, _) in rows() {
+                up += w * v * (d - v);
+                norm += w * v * v;
+            }
+            norm += precision;
+            scale += up / norm;
+        }
+        let mut sums = [0.0; 8];
+        for (w, d, v, a, s) in rows() {
+            let e = d - scale * v;
+            let (wa, ws) = (w * a, w * s);
+            let terms = [
+                w * e * e,
+                wa * e,
+                ws * e,
+                wa * a,
+                wa * s,
+                ws * s,
+                wa * v,
+                ws * v,
+            ];
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                *sum += term;
+            }
+        }
+        let [mut chi2, ea, es, aa, mixed, ss, va, vs] = sums;
+        let mut hessian = Matrix2::new(aa, mixed, mixed, ss);
+        if let Some(precision) = precision {
+            chi2 += precision * (scale - 1.0).powi(2);
+            let with_scale = Vector2::new(va, vs);
+            hessian -= with_scale * with_scale.transpose() / norm;
+        }
+        Reduced {
+            chi2,
+            gradient: Vector2::new(ea, es) * -scale,
+            hessian: hessian * (scale * scale),
+            scale,
+        }
+    }
+
+    fn reduce_all(&mut self, terms: &Terms) -> Reduced {
+        let data = self.weight.len();
+        let rings = data - 1;
+        let (relative, directions) = (
+            self.relative_count,
+            self.relative_count + self.absolute_count,
+        );
+        // The columns.
+        for k in 0..directions {
+            let column = &mut self.column[k * data..(k + 1) * data];
+            if k < relative {
+                let phi = &self.relative[k * data..(k + 1) * data];
+                for (c, (phi, value)) in column.iter_mut().zip(phi.iter().zip(&self.value)) {
+                    *c = phi * value;
+                }
+                column[rings] = terms.total.map_or(0.0, |t| phi[rings] * t.model.value);
+            } else {
+                let k = k - relative;
+                column.copy_from_slice(&self.absolute[k * data..(k + 1) * data]);
+                if terms.total.is_none() {
+                    column[rings] = 0.0;
+                }
+            }
+            if terms.total.is_some_and(|t| t.remainder) {
+                let (rest, total) = column.split_at_mut(rings);
+                total[0] -= dot(rest, &self.area[..rings]);
+            }
+        }
+        for (r, (d, v)) in self
+            .residual
+            .iter_mut()
+            .zip(self.datum.iter().zip(&self.value))
+        {
+            *r = d - v;
+        }
+        // The nuisances at their best.
+        let scales = usize::from(terms.scale_precision.is_some());
+        let count = directions + scales;
+        let column = |k: usize| -> &[f64] {
+            if k < scales {
+                &self.value
+            } else {
+                &self.column[(k - scales) * data..(k - scales + 1) * data]
+            }
+        };
+        let precision = |k: usize| match terms.scale_precision {
+            Some(precision) if k == 0 => precision,
+            _ => 1.0,
+        };
+        for k in 0..count {
+            for l in 0..=k {
+                self.gram[k * count + l] = weighted(&self.weight, column(k), column(l));
+            }
+            self.gram[k * count + k] += precision(k);
+            self.z[k] = weighted(&self.weight, column(k), &self.residual);
+        }
+        let z = &mut self.z[..count];
+        cholesky(&mut self.gram[..count * count], count);
+        forward(&self.gram, count, z);
+        backward(&self.gram, count, z);
+        // What is left, and the derivatives at that z.
+        let scale = 1.0 + if scales == 1 { z[0] } else { 0.0 };
+        self.factor.fill(scale);
+        for (k, z) in z.iter().enumerate() {
+            for (r, c) in self.residual.iter_mut().zip(column(k)) {
+                *r -= c * z;
+            }
+        }
+        let mut total_factor = scale;
+        for (k, &z) in z[scales..].iter().take(relative).enumerate() {
+            let phi = &self.relative[k * data..(k + 1) * data];
+            for (f, phi) in self.factor.iter_mut().zip(phi) {
+                *f += phi * z;
+            }
+            total_factor += phi[rings] * z;
+        }
+        for (row, own) in [&mut self.in_sigma_a, &mut self.in_sigma_s_prime]
+            .into_iter()
+            .zip(
+                terms
+                    .total
+                    .map_or([0.0; 2], |t| [t.model.in_sigma_a, t.model.in_sigma_s_prime]),
+            )
+        {
+            for (row, factor) in row[..rings].iter_mut().zip(&self.factor) {
+                *row *= factor;
+            }
+            row[rings] = total_factor * own;
+            if terms.total.is_some_and(|t| t.remainder) {
+                row[rings] -= dot(&row[..rings], &self.area[..rings]);
+            }
+        }
+        let (a, s) = (&self.in_sigma_a, &self.in_sigma_s_prime);
+        let mut chi2 = weighted(&self.weight, &self.residual, &self.residual);
+        for (k, z) in z.iter().enumerate() {
+            chi2 += precision(k) * z * z;
+        }
+        let w = &self.weight;
+        let gradient = -Vector2::new(
+            weighted(w, a, &self.residual),
+            weighted(w, s, &self.residual),
+        );
+        let mixed = weighted(w, a, s);
+        let mut hessian = Matrix2::new(weighted(w, a, a), mixed, mixed, weighted(w, s, s));
+        // Schur complement: with L of the Cholesky factor, (L⁻¹y)ᵀ(L⁻¹y).
+        let [in_a, in_s] = &mut self.mixed;
+        for k in 0..count {
+            let c = if k < scales {
+                &self.value[..]
+            } else {
+                &self.column[(k - scales) * data..(k - scales + 1) * data]
+            };
+            in_a[k] = weighted(w, c, a);
+            in_s[k] = weighted(w, c, s);
+        }
+        let (in_a, in_s) = (&mut in_a[..count], &mut in_s[..count]);
+        forward(&self.gram, count, in_a);
+        forward(&self.gram, count, in_s);
+        let mixed = dot(in_a, in_s);
+        hessian -= Matrix2::new(dot(in_a, in_a), mixed, mixed, dot(in_s, in_s));
+        Reduced {
+            chi2,
+            gradient,
+            hessian,
+            scale,
+        }
+    }
+
+    /// What the nuisances add to the model at their best, the rings' and then the total's own
+    /// datum: of the last call of [`Self::reduce`] with the same `terms`.
+    pub(crate) fn fitted(&self, i: usize, scale: f64) -> f64 {
+        if self.relative_count + self.absolute_count == 0 {
+            scale * self.value[i]
+        } else {
+            self.datum[i] - self.residual[i]
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn weighted(w: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    w.iter().zip(a).zip(b).map(|((w, a), b)| w * a * b).sum()
+}
+
+/// The lower Cholesky factor of a positive definite matrix, in its place, row by row.
+///
+/// A direction that neither data nor prior hold (a free scale without light) leaves a pivot of 0:
+/// it is made to stay at 0.
+fn cholesky(matrix: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..=i {
+            let (above, row) = matrix.split_at_mut(i * n);
+            let mut sum = row[j];
+            if i == j {
+                sum -= dot(&row[..j], &row[..j]);
+                row[i] = if sum > 0.0 { sum.sqrt() } else { f64::INFINITY };
+            } else {
+                sum -= dot(&row[..j], &above[j * n..j * n + j]);
+                row[j] = sum / above[j * n + j];
+            }
+        }
+    }
+}
+
+/// L⁻¹ `x`, in its place.
+fn forward(factor: &[f64], n: usize, x: &mut [f64]) {
+    for i in 0..n {
+        x[i] = (x[i] - dot(&factor[i * n..i * n + i], &x[..i])) / factor[i * n + i];
+    }
+}
+
+/// L⁻ᵀ `x`, in its place.
+fn backward(factor: &[f64], n: usize, x: &mut [f64]) {
+    for i in (0..n).rev() {
+        let mut sum = x[i];
+        for j in i + 1..n {
+            sum -= factor[j * n + i] * x[j];
+        }
+        x[i] = sum / factor[i * n + i];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// The same by the full covariance of the data, with the derivatives at the best nuisances.
+    #[test]
+    fn eliminating_nuisances_is_weighing_by_the_full_covariance() {
+        let n = 6;
+        let wave = |i: usize, k: f64| (1.3 * k * (i as f64 + 1.0)).sin();
+        let mut space = Workspace::default();
+        space.resize(n);
+        space.resize_directions(2, 1);
+        for i in 0..=n {
+            space.weight[i] = 1.0 + 0.5 * wave(i, 1.0);
+            space.datum[i] = 2.0 + wave(i, 2.0);
+            space.area[i] = 0.1;
+            space.value[i] = 1.5 + 0.3 * wave(i, 3.0);
+            space.in_sigma_a[i] = wave(i, 4.0);
+            space.in_sigma_s_prime[i] = wave(i, 5.0);
+        }
+        for (i, x) in space.relative.iter_mut().enumerate() {
+            *x = 0.3 * wave(i, 6.0);
+        }
+        for (i, x) in space.absolute.iter_mut().enumerate() {
+            *x = 0.3 * wave(i, 7.0);
+        }
+        let own = physics::Gradient {
+            value: 3.0,
+            in_sigma_a: -1.0,
+            in_sigma_s_prime: 0.5,
+        };
+        let terms = Terms {
+            total: Some(TotalRow {
+                value: space.datum[n],
+                weight: space.weight[n],
+                model: own,
+                remainder: true,
+            }),
+            scale_precision: Some(25.0),
+        };
+        let rows = [
+            space.value.clone(),
+            space.in_sigma_a.clone(),
+            space.in_sigma_s_prime.clone(),
+        ];
+        let got = space.reduce(&terms);
+
+        // Rings, and the total less its rings, as a linear map of rings and the whole total.
+        let mut map = DMatrix::identity(n + 1, n + 1);
+        for i in 0..n {
+            map[(n, i)] = -0.1;
+        }
+        let whole = |row: &[f64], own: f64| {
+            let mut all = DVector::from_row_slice(row);
+            all[n] = own;
+            all
+        };
+        let value = &map * whole(&rows[0], own.value);
+        let mut columns = DMatrix::zeros(n + 1, 4);
+        for k in 0..4 {
+            let column = match k {
+                0 => value.clone(),
+                1 | 2 => {
+                    let phi = &space.relative[(k - 1) * (n + 1)..k * (n + 1)];
+                    let own = phi[n] * own.value;
+                    let ring: Vec<f64> = phi.iter().zip(&rows[0]).map(|(p, v)| p * v).collect();
+                    &map * whole(&ring, own)
+                }
+                _ => &map * DVector::from_row_slice(&space.absolute),
+            };
+            columns.set_column(k, &column);
+        }
+        let prior = DMatrix::from_diagonal(&DVector::from_row_slice(&[1.0 / 25.0, 1.0, 1.0, 1.0]));
+        let noise = DMatrix::from_diagonal(&DVector::from_iterator(
+            n + 1,
+            space.weight.iter().map(|w| 1.0 / w),
+        ));
+        let inverse = (noise + &columns * &prior * columns.transpose())
+            .try_inverse()
+            .unwrap();
+        let residual = DVector::from_row_slice(&space.datum) - &value;
+        let chi2 = residual.dot(&(&inverse * &residual));
+        assert!((got.chi2 / chi2 - 1.0).abs() < 1e-12, "{got:?}, {chi2}");
+        let z = &prior * columns.transpose() * &inverse * &residual;
+        let factor = |phi: &dyn Fn(usize) -> f64| 1.0 + z[0] + z[1] * phi(1) + z[2] * phi(2);
+        let slope = |row: &[f64], own: f64| {
+            let phi = |i: usize| move |k: usize| 0.3 * wave((k - 1) * (n + 1) + i, 6.0);
+            let rings: Vec<f64> = (0..=n).map(|i| row[i] * factor(&phi(i))).collect();
+            &map * whole(&rings, own * factor(&phi(n)))
+        };
+        let slopes = [
+            slope(&rows[1], own.in_sigma_a),
+            slope(&rows[2], own.in_sigma_s_prime),
+        ];
+        for i in 0..2 {
+            let gradient = -slopes[i].dot(&(&inverse * &residual));
+            assert!((got.gradient[i] - gradient).abs() < 1e-12 * chi2, "{i}");
+            for j in 0..2 {
+                let hessian = slopes[i].dot(&(&inverse * &slopes[j]));
+                assert!(
+                    (got.hessian[(i, j)] / hessian - 1.0).abs() < 1e-10,
+                    "{i}{j}"
+                );
+            }
+        }
+    }
+}
