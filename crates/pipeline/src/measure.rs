@@ -13,7 +13,7 @@ use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
 use physics::footprint::Beam;
 use physics::{Material, RadialProfile, RadianceMap, TotalReflectance};
-use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale};
+use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View};
 use std::collections::BTreeMap;
 
 /// What the caller of a measurement chooses.
@@ -152,7 +152,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             .medium(index, count(&sample))
             .input(loaded.input.path.display())?;
         let options = ReferenceOptions {
-            mm_per_pixel: capture.geometry.mm_per_pixel,
+            view: View::square(capture.geometry.mm_per_pixel),
             center_px: None,
             reflectance: capture.reference.reflectance,
             u_reflectance: capture.reference.u_reflectance(),
@@ -252,7 +252,7 @@ impl Radiance {
 pub fn profiles(
     map: &RadianceMap,
     u_scale_relative: &[f64],
-    mm_per_pixel: f64,
+    view: View,
     center_px: Option<[f64; 2]>,
 ) -> Result<Vec<Measured>> {
     map.channels
@@ -260,7 +260,7 @@ pub fn profiles(
         .zip(u_scale_relative)
         .map(|(channel, &u_scale_relative)| {
             let options = ProfileOptions {
-                mm_per_pixel,
+                view,
                 center_px,
                 u_scale_relative,
                 ..ProfileOptions::default()
@@ -290,7 +290,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let measured = profiles(
         &radiance.map,
         &u_scales,
-        capture.geometry.mm_per_pixel,
+        View::square(capture.geometry.mm_per_pixel),
         capture.geometry.center_px,
     )
     .map_err(|e| e.within(format!("{}: sample", place())))?;

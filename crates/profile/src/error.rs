@@ -36,6 +36,21 @@ pub enum ProfileError {
     /// The scale of the picture is not positive and finite.
     #[error("mm_per_pixel must be above 0 mm and finite, got {0} mm")]
     MmPerPixel(f64),
+    /// Four points that are no quadrilateral.
+    #[error(
+        "corners_{0} are not the corners of a convex quadrilateral, in order around it: expected \
+         four [x, y], no three in line, and both lists in the same order"
+    )]
+    Corners(&'static str),
+    /// Nine numbers that map no picture to a surface.
+    #[error("the map from pixels to the surface is none: its nine numbers have no inverse")]
+    View,
+    /// The surface ends in the picture.
+    #[error(
+        "the corners put the horizon of the surface into the picture: expected that all of it \
+         shows the surface; check corners_px and corners_mm"
+    )]
+    Horizon,
     /// An option is out of its range.
     #[error("{name} must be {expected}, got {found}")]
     Option {

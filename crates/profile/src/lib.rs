@@ -11,7 +11,10 @@
 //!
 //! Positions are in px, column then row; the middle of the first pixel is at (0, 0).
 //!
-//! This crate fits nothing and corrects for no beam width, stray light or tilted view.
+//! A tilted view or pixels that are not square ([`View`]) are averaged over rings on the surface,
+//! each pixel with the area that it sees there; nothing is resampled.
+//!
+//! This crate fits nothing and corrects for no beam width or stray light.
 //!
 //! | module | holds |
 //! |---|---|
@@ -20,6 +23,7 @@
 //! | [`radial`] | [`radial_profile`] |
 //! | [`mod@slice`] | [`slice_profile`] |
 //! | [`scale`] | [`reference_scale`] |
+//! | [`view`] | [`View`]: from pixels to millimetres |
 //! | [`error`] | [`ProfileError`] |
 
 pub mod center;
@@ -31,6 +35,7 @@ mod rings;
 pub mod scale;
 pub mod slice;
 mod survey;
+pub mod view;
 
 pub use center::find_center;
 pub use error::ProfileError;
@@ -38,3 +43,4 @@ pub use moments::{Background, BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
+pub use view::View;

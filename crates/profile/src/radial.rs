@@ -2,13 +2,14 @@
 
 use crate::error::ProfileError;
 use crate::survey::Survey;
+use crate::view::View;
 use physics::{ChannelMap, RadialProfile, TotalReflectance};
 
 /// How a picture becomes a profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileOptions {
-    /// Side of a pixel on the sample, mm.
-    pub mm_per_pixel: f64,
+    /// Where on the sample each pixel looks.
+    pub view: View,
     /// Centre of the spot, px, the middle of the first pixel being (0, 0); `None` finds it.
     pub center_px: Option<[f64; 2]>,
     /// Exitance per incident power, mm⁻², for one unit of the picture: [`crate::Scale`] has it.
@@ -29,7 +30,7 @@ impl Default for ProfileOptions {
     /// Pixels of 0.04 mm; on a frame of 1024 × 1024 with the spot in the middle, 125 rings.
     fn default() -> Self {
         Self {
-            mm_per_pixel: 0.04,
+            view: View::square(0.04),
             center_px: None,
             factor_per_mm2: 1.0,
             u_scale_relative: 0.0,
@@ -51,8 +52,11 @@ pub struct Measured {
     pub center_px: [f64; 2],
     /// Pixels inside the circle that were rejected as outliers.
     pub rejected_pixels: u64,
-    /// Pixels inside the circle that no frame measured.
+    /// Pixels inside the circle that no frame measured, or that were left out.
     pub unmeasured_pixels: u64,
+    /// Share of the circle's light whose pixels were rejected, not measured or left out, so that
+    /// the rest of their rings stands for them.
+    pub unseen_share: f64,
     /// Scatter of the pixels about their ring's curve over what their variances say, median
     /// over the rings: 1 for a round picture, more where the glow is not round.
     pub relative_scatter: f64,
@@ -60,7 +64,7 @@ pub struct Measured {
 
 /// The radial profile of `channel`, a picture of `width` × `height` px, and its total.
 ///
-/// The value of a ring is the mean over its area of the exitance that pixels see (the model has
+/// The value of a ring is the mean over its area on the surface of the exitance that pixels see (the model has
 /// to be smeared by one pixel's square, [`physics::Blur`]), and its u the part that is
 /// independent of every other ring. The total is Σ area·value, so that its covariance with a
 /// ring's value is area·u². Unmeasured and rejected pixels are replaced by the rest of their
@@ -82,9 +86,7 @@ pub fn radial_profile(
 /// Whether every option is in its range.
 pub(crate) fn check_options(options: &ProfileOptions) -> Result<(), ProfileError> {
     let positive = |x: f64| x > 0.0 && x.is_finite();
-    if !positive(options.mm_per_pixel) {
-        return Err(ProfileError::MmPerPixel(options.mm_per_pixel));
-    }
+    options.view.check()?;
     let checks = [
         (
             positive(options.factor_per_mm2),

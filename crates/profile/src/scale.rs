@@ -3,6 +3,7 @@
 use crate::error::ProfileError;
 use crate::radial::ProfileOptions;
 use crate::survey::Survey;
+use crate::view::View;
 use physics::{ChannelMap, DiffuseFresnel, Dipole, ReducedMedium, fresnel};
 
 /// How light that leaves the sample spreads over directions.
@@ -33,8 +34,8 @@ impl Exit {
 /// What is known of the white reference and of how the sample is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReferenceOptions {
-    /// Side of a pixel, mm.
-    pub mm_per_pixel: f64,
+    /// Where on the white each pixel looks.
+    pub view: View,
     /// Centre of its spot, px; `None` finds it.
     pub center_px: Option<[f64; 2]>,
     /// Total reflectance of the white, per incident power.
@@ -57,7 +58,8 @@ pub struct Scale {
     pub u_relative: f64,
     /// Its part that comes from the noise of the white's picture.
     pub u_noise_relative: f64,
-    /// Sum of the reference's pixels inside the circle, DN/s.
+    /// Sum of the reference's pixels inside the circle, DN/s, each times its area over that of a
+    /// pixel at the centre.
     pub reference_sum: f64,
     /// Centre of the reference's spot, px.
     pub center_px: [f64; 2],
@@ -69,6 +71,8 @@ pub struct Scale {
     pub rejected_pixels: u64,
     /// Pixels inside the circle that no frame measured.
     pub unmeasured_pixels: u64,
+    /// Share of the circle's light for which the rest of the rings stands.
+    pub unseen_share: f64,
 }
 
 /// The scale that the white reference in `channel`, in DN/s, sets.
@@ -118,12 +122,12 @@ pub fn reference_scale(
         });
     }
     let in_own_unit = ProfileOptions {
-        mm_per_pixel: options.mm_per_pixel,
+        view: options.view,
         center_px: options.center_px,
         ..ProfileOptions::default()
     };
-    let measured =
-        Survey::new(channel, width, height, &in_own_unit)?.measured(channel, &in_own_unit);
+    let survey = Survey::new(channel, width, height, &in_own_unit)?;
+    let measured = survey.measured(channel, &in_own_unit);
     let total = &measured.total;
     if total.total_reflectance <= 0.0 {
         return Err(ProfileError::DarkReference(total.total_reflectance));
@@ -133,7 +137,7 @@ pub fn reference_scale(
         let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
         1.0 - dipole.beyond(radius_mm) / dipole.beyond(0.0)
     });
-    let pixel = options.mm_per_pixel * options.mm_per_pixel;
+    let pixel = survey.unit_mm * survey.unit_mm;
     let u_noise_relative = total.u_total_reflectance / total.total_reflectance;
     Ok(Scale {
         factor_per_mm2: reflectance * share / (total.total_reflectance * exit),
@@ -145,6 +149,7 @@ pub fn reference_scale(
         share,
         rejected_pixels: measured.rejected_pixels,
         unmeasured_pixels: measured.unmeasured_pixels,
+        unseen_share: measured.unseen_share,
     })
 }
 
@@ -175,7 +180,7 @@ mod tests {
 
     fn options() -> ReferenceOptions {
         ReferenceOptions {
-            mm_per_pixel: 0.1,
+            view: View::square(0.1),
             center_px: None,
             reflectance: 0.99,
             u_reflectance: 0.005,

@@ -29,9 +29,7 @@ pub fn slice_profile(
 ) -> Result<Measured, ProfileError> {
     let survey = Survey::new(channel, width, height, options)?;
     let mut measured = survey.checked(channel, options)?;
-    let [center_x, center_y] = survey.center;
-    let row = center_y.round() as usize;
-    let dy = row as f64 - center_y;
+    let row = survey.center[1].round() as usize;
 
     #[derive(Clone, Default)]
     struct Bin {
@@ -41,28 +39,20 @@ pub fn slice_profile(
         variance: f64,
     }
     let mut bins = vec![Bin::default(); survey.rings.len()];
-    survey
-        .rings
-        .for_each_run((width, height), survey.center, |run| {
-            if run.dy != dy {
-                return;
-            }
-            let (middle, half) = survey.rings.square(run.ring);
-            for index in run.pixels.clone() {
-                let dx = (index % width) as f64 - center_x;
-                let square = dx * dx + dy * dy;
-                let variance = f64::from(channel.variance[index]);
-                let residual = f64::from(channel.value[index])
-                    - survey.curve.at(run.ring, (square - middle) / half);
-                if variance.is_finite() && survey.limits[run.ring].allows(residual, variance) {
-                    let bin = &mut bins[run.ring];
-                    bin.count += 1;
-                    bin.radius += square.sqrt();
-                    bin.residual += residual;
-                    bin.variance += variance;
-                }
-            }
-        });
+    survey.for_each_pixel(channel, (width, height), |p| {
+        if p.index / width != row {
+            return;
+        }
+        let residual = p.value - survey.curve.at(p.ring, p.tau);
+        if survey.limits[p.ring].allows(residual, p.variance) {
+            let (middle, half) = survey.rings.square(p.ring);
+            let bin = &mut bins[p.ring];
+            bin.count += 1;
+            bin.radius += (middle + half * p.tau).max(0.0).sqrt();
+            bin.residual += residual;
+            bin.variance += p.variance;
+        }
+    });
     measured.profile.points = bins
         .iter()
         .enumerate()
@@ -74,7 +64,7 @@ pub fn slice_profile(
             let value = bin.residual / n + survey.curve.at(ring, (radius * radius - middle) / half);
             ProfilePoint {
                 ring_mm: None,
-                radius_mm: radius * options.mm_per_pixel,
+                radius_mm: radius * survey.unit_mm,
                 reflectance_per_mm2: value * options.factor_per_mm2,
                 u_reflectance_per_mm2: bin.variance.sqrt() / n * options.factor_per_mm2,
                 pixels: Some(bin.count),

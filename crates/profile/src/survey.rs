@@ -5,6 +5,7 @@ use crate::curve::{AREA, Curve, Moments};
 use crate::error::ProfileError;
 use crate::radial::{Measured, ProfileOptions, check_options};
 use crate::rings::{Rings, Run};
+use crate::view::{Places, View};
 use physics::profile::mean_radius;
 use physics::{ChannelMap, ProfilePoint, RadialProfile, TotalReflectance};
 
@@ -24,9 +25,14 @@ const CORE_PX: f64 = 8.0;
 /// theirs.
 const HEART_PX: f64 = 2.0;
 
-/// A picture averaged over rings, in its own unit and px.
+/// A picture averaged over rings, in its own unit, and lengths in pixels at the centre.
 pub(crate) struct Survey {
+    /// Centre, px.
     pub(crate) center: [f64; 2],
+    /// The length of a pixel there, mm.
+    pub(crate) unit_mm: f64,
+    /// Places of the pixels where they are not equal squares.
+    places: Option<Places>,
     pub(crate) rings: Rings,
     pub(crate) curve: Curve,
     pub(crate) limits: Vec<Limit>,
@@ -35,6 +41,7 @@ pub(crate) struct Survey {
     pixels: Vec<u64>,
     rejected: u64,
     unmeasured: u64,
+    unseen_share: f64,
     scatter: f64,
 }
 
@@ -57,44 +64,50 @@ impl Limit {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     count: u64,
+    area: f64,
     value: f64,
     variance: f64,
     tau: [f64; 3],
 }
 
 impl Sums {
-    fn add(&mut self, value: f64, variance: f64, tau: f64) {
+    /// Adds a pixel, as much as it sees of the surface.
+    fn add(&mut self, p: &Pixel) {
         self.count += 1;
-        self.value += value;
-        self.variance += variance;
-        let square = tau * tau;
-        for (sum, power) in self.tau.iter_mut().zip([tau, square, square * tau]) {
-            *sum += power;
+        self.area += p.area;
+        self.value += p.area * p.value;
+        self.variance += p.area * p.area * p.variance;
+        let square = p.tau * p.tau;
+        for (sum, power) in self.tau.iter_mut().zip([p.tau, square, square * p.tau]) {
+            *sum += p.area * power;
         }
     }
 
     fn mean(&self) -> f64 {
-        self.value / self.count as f64
+        self.value / self.area
     }
 
     fn u(&self) -> f64 {
-        self.variance.sqrt() / self.count as f64
+        self.variance.sqrt() / self.area
     }
 
     fn moments(&self) -> Moments {
-        let [a, b, c] = self.tau.map(|sum| sum / self.count as f64);
+        let [a, b, c] = self.tau.map(|sum| sum / self.area);
         [1.0, a, b, c]
     }
 }
 
-/// One measured pixel.
+/// One pixel inside the circle.
 #[derive(Clone, Copy)]
 pub(crate) struct Pixel {
     pub(crate) index: usize,
     pub(crate) ring: usize,
     /// Square of the distance from the centre in its ring, scaled to [−1, 1].
     pub(crate) tau: f64,
+    /// What it sees of the surface, over what a pixel at the centre sees.
+    pub(crate) area: f64,
     pub(crate) value: f64,
+    /// Infinite where it was not measured.
     pub(crate) variance: f64,
 }
 
@@ -112,8 +125,18 @@ impl Survey {
             None => find_center(channel, width, height)?,
         };
         let [x, y] = center;
-        let (right, below) = (width as f64 - 0.5 - x, height as f64 - 0.5 - y);
-        let radius = right.min(below).min(x + 0.5).min(y + 0.5);
+        let unit_mm = options.view.mm_per_pixel(center);
+        let places = match options.view.square_mm() {
+            Some(_) => None,
+            None => Some(options.view.about(center, unit_mm)),
+        };
+        let radius = match &places {
+            None => {
+                let (right, below) = (width as f64 - 0.5 - x, height as f64 - 0.5 - y);
+                right.min(below).min(x + 0.5).min(y + 0.5)
+            }
+            Some(places) => full_circle(&options.view, places, center, (width, height))?,
+        };
         if !(x.is_finite() && y.is_finite() && radius >= NEEDED_PX) {
             return Err(ProfileError::SpotAtEdge {
                 x,
@@ -129,8 +152,9 @@ impl Survey {
             size: (width, height),
             center,
             rings: &rings,
+            places: places.as_ref(),
         };
-        let (first, unmeasured) = picture.first_means(options.mm_per_pixel)?;
+        let first = picture.first_means(unit_mm)?;
         let count = rings.len();
         let floor = floor_of(&first.u, &first.means);
         let curve = Curve::through(&rings, &first.means, &first.moments, floor);
@@ -144,7 +168,7 @@ impl Survey {
             let u = p.variance.sqrt().max(f64::MIN_POSITIVE);
             scatter[p.ring] += (residual / u).min(FAR);
             if residual <= FAR * u + slack[p.ring] {
-                wide[p.ring].add(p.value, p.variance, p.tau);
+                wide[p.ring].add(&p);
             }
         });
         for (ring, scatter) in scatter.iter_mut().enumerate() {
@@ -166,13 +190,13 @@ impl Survey {
         let mut rejected = 0;
         picture.for_each_pixel(|p| {
             if limits[p.ring].allows(p.value - curve.at(p.ring, p.tau), p.variance) {
-                sums[p.ring].add(p.value, p.variance, p.tau);
+                sums[p.ring].add(&p);
             } else {
                 rejected += 1;
             }
         });
         if let Some(ring) = sums.iter().position(|s| s.count == 0) {
-            return Err(unmeasured_ring(&rings, ring, options.mm_per_pixel));
+            return Err(unmeasured_ring(&rings, ring, unit_mm));
         }
         let pixel_means: Vec<f64> = sums.iter().map(Sums::mean).collect();
         let moments: Vec<Moments> = sums.iter().map(Sums::moments).collect();
@@ -184,8 +208,18 @@ impl Survey {
             .collect();
         picture.settle_core(&curve, &limits, &mut means);
         scatter.sort_by(f64::total_cmp);
+        let light = |share: &dyn Fn(usize) -> f64| -> f64 {
+            (0..count)
+                .map(|ring| rings.area(ring) * means[ring].max(0.0) * share(ring))
+                .sum()
+        };
+        let unseen = |ring: usize| (1.0 - sums[ring].area / first.inside[ring]).max(0.0);
+        let unseen_share = light(&unseen) / light(&|_| 1.0).max(f64::MIN_POSITIVE);
         Ok(Self {
             center,
+            unit_mm,
+            places,
+            unseen_share,
             u: sums.iter().map(Sums::u).collect(),
             pixels: sums.iter().map(|s| s.count).collect(),
             scatter: scatter[count / 2],
@@ -194,8 +228,25 @@ impl Survey {
             limits,
             means,
             rejected,
-            unmeasured,
+            unmeasured: first.unmeasured,
         })
+    }
+
+    /// Calls `visit` with every measured pixel inside the circle.
+    pub(crate) fn for_each_pixel(
+        &self,
+        channel: &ChannelMap,
+        size: (usize, usize),
+        visit: impl FnMut(Pixel),
+    ) {
+        let picture = Picture {
+            channel,
+            size,
+            center: self.center,
+            rings: &self.rings,
+            places: self.places.as_ref(),
+        };
+        picture.for_each_pixel(visit);
     }
 
     /// The result in mm, if it does not hold more light than came in.
@@ -210,7 +261,7 @@ impl Survey {
             .u_total_reflectance
             .hypot(total.u_scale_relative * total.total_reflectance);
         if total.total_reflectance > 1.0 + 3.0 * u {
-            let pixel = options.mm_per_pixel * options.mm_per_pixel;
+            let pixel = self.unit_mm * self.unit_mm;
             let white_sum = 1.0 / (options.factor_per_mm2 * pixel);
             return Err(ProfileError::ReferenceDarker {
                 sample_sum: total.total_reflectance * white_sum,
@@ -222,7 +273,7 @@ impl Survey {
 
     /// The result in mm.
     pub(crate) fn measured(&self, channel: &ChannelMap, options: &ProfileOptions) -> Measured {
-        let (mm, factor) = (options.mm_per_pixel, options.factor_per_mm2);
+        let (mm, factor) = (self.unit_mm, options.factor_per_mm2);
         let points: Vec<ProfilePoint> = (0..self.rings.len())
             .map(|ring| {
                 let (inner, outer) = self.rings.edges(ring);
@@ -260,6 +311,7 @@ impl Survey {
             center_px: self.center,
             rejected_pixels: self.rejected,
             unmeasured_pixels: self.unmeasured,
+            unseen_share: self.unseen_share,
             relative_scatter: self.scatter,
         }
     }
@@ -271,6 +323,10 @@ struct First {
     u: Vec<f64>,
     moments: Vec<Moments>,
     counts: Vec<u64>,
+    /// Area of all pixels in each ring, measured or not.
+    inside: Vec<f64>,
+    /// Pixels that were not measured.
+    unmeasured: u64,
 }
 
 struct Picture<'a> {
@@ -278,77 +334,124 @@ struct Picture<'a> {
     size: (usize, usize),
     center: [f64; 2],
     rings: &'a Rings,
+    places: Option<&'a Places>,
 }
 
 impl Picture<'_> {
-    /// Calls `visit` with every pixel of a run that was measured.
-    fn pixels_of(&self, run: &Run, mut visit: impl FnMut(Pixel)) {
+    /// Calls `visit` with every pixel of a run.
+    fn pixels_of(&self, run: &Run, visit: &mut impl FnMut(Pixel)) {
         let (middle, half) = self.rings.square(run.ring);
         let offset = run.dy * run.dy - middle;
         let mut dx = run.dx;
         for index in run.pixels.clone() {
-            let variance = self.channel.variance[index];
-            if variance.is_finite() {
-                visit(Pixel {
-                    index,
-                    ring: run.ring,
-                    tau: (dx * dx + offset) / half,
-                    value: f64::from(self.channel.value[index]),
-                    variance: f64::from(variance),
-                });
-            }
+            visit(Pixel {
+                index,
+                ring: run.ring,
+                tau: (dx * dx + offset) / half,
+                area: 1.0,
+                value: f64::from(self.channel.value[index]),
+                variance: f64::from(self.channel.variance[index]),
+            });
             dx += 1.0;
         }
     }
 
+    /// Calls `visit` with every pixel in the first `rings` rings, measured or not.
+    fn for_each_inside(&self, rings: usize, mut visit: impl FnMut(Pixel)) {
+        let Some(places) = self.places else {
+            self.rings.for_each_run(self.size, self.center, |run| {
+                if run.ring < rings {
+                    self.pixels_of(run, &mut visit);
+                }
+            });
+            return;
+        };
+        let squares: Vec<(f64, f64)> = (0..rings).map(|ring| self.rings.square(ring)).collect();
+        let (width, height) = self.size;
+        // Neighbours lie in the same ring or the next.
+        let mut ring = 0;
+        for y in 0..height {
+            for x in 0..width {
+                let ([across, down], area) = places.at(x as f64, y as f64);
+                let square = across * across + down * down;
+                while ring > 0 && square < squares[ring].0 - squares[ring].1 {
+                    ring -= 1;
+                }
+                while ring < rings && square >= squares[ring].0 + squares[ring].1 {
+                    ring += 1;
+                }
+                if ring == rings {
+                    ring -= 1;
+                    continue;
+                }
+                let (middle, half) = squares[ring];
+                let index = y * width + x;
+                visit(Pixel {
+                    index,
+                    ring,
+                    tau: (square - middle) / half,
+                    area,
+                    value: f64::from(self.channel.value[index]),
+                    variance: f64::from(self.channel.variance[index]),
+                });
+            }
+        }
+    }
+
+    /// Calls `visit` with every measured pixel.
     fn for_each_pixel(&self, mut visit: impl FnMut(Pixel)) {
-        self.rings.for_each_run(self.size, self.center, |run| {
-            self.pixels_of(run, &mut visit);
+        self.for_each_inside(self.rings.len(), |p| {
+            if p.variance.is_finite() {
+                visit(p);
+            }
         });
     }
 
     /// The median over groups of pixels of their mean, ring by ring: up to three groups may
-    /// hold outliers of any size. Also how many pixels were not measured.
-    fn first_means(&self, mm_per_pixel: f64) -> Result<(First, u64), ProfileError> {
+    /// hold outliers of any size. A unit of length is `unit_mm`.
+    fn first_means(&self, unit_mm: f64) -> Result<First, ProfileError> {
         let count = self.rings.len();
-        let mut groups = vec![(0_u64, 0.0); count * GROUPS];
+        let mut groups = vec![(0.0, 0.0); count * GROUPS];
         let mut sums = vec![Sums::default(); count];
-        let (mut inside, mut measured) = (0, 0);
-        self.rings.for_each_run(self.size, self.center, |run| {
-            inside += run.pixels.len() as u64;
-            self.pixels_of(run, |p| {
-                measured += 1;
-                // A third of the row's number makes neighbours of either direction differ.
-                let group = (p.index + 3 * (p.index / self.size.0)) % GROUPS;
-                let (n, sum) = &mut groups[p.ring * GROUPS + group];
-                *n += 1;
-                *sum += p.value;
-                sums[p.ring].add(p.value, p.variance, p.tau);
-            });
+        let mut inside = vec![0.0; count];
+        let mut unmeasured = 0;
+        self.for_each_inside(count, |p| {
+            inside[p.ring] += p.area;
+            if !p.variance.is_finite() {
+                unmeasured += 1;
+                return;
+            }
+            // A third of the row's number makes neighbours of either direction differ.
+            let group = (p.index + 3 * (p.index / self.size.0)) % GROUPS;
+            let (area, sum) = &mut groups[p.ring * GROUPS + group];
+            *area += p.area;
+            *sum += p.area * p.value;
+            sums[p.ring].add(&p);
         });
         if let Some(ring) = sums.iter().position(|s| s.count == 0) {
-            return Err(unmeasured_ring(self.rings, ring, mm_per_pixel));
+            return Err(unmeasured_ring(self.rings, ring, unit_mm));
         }
         let means = groups
             .chunks(GROUPS)
             .map(|groups| {
                 let mut means: Vec<f64> = groups
                     .iter()
-                    .filter(|(n, _)| *n > 0)
-                    .map(|(n, sum)| sum / *n as f64)
+                    .filter(|(area, _)| *area > 0.0)
+                    .map(|(area, sum)| sum / area)
                     .collect();
                 means.sort_by(f64::total_cmp);
                 let n = means.len();
                 0.5 * (means[n / 2] + means[(n - 1) / 2])
             })
             .collect();
-        let first = First {
+        Ok(First {
             means,
             u: sums.iter().map(Sums::u).collect(),
             moments: sums.iter().map(Sums::moments).collect(),
             counts: sums.iter().map(|s| s.count).collect(),
-        };
-        Ok((first, inside - measured))
+            inside,
+            unmeasured,
+        })
     }
 
     /// Means and moments of `sums`, or the first ones where a ring lost all its pixels.
@@ -393,21 +496,13 @@ impl Picture<'_> {
         }
         let gaussian = |square: f64| value * (decay * (rim * rim - square)).exp();
         let mut sum = 0.0;
-        self.rings.for_each_run(self.size, self.center, |run| {
-            if run.ring >= core {
-                return;
-            }
-            let (middle, half) = self.rings.square(run.ring);
-            for (k, index) in run.pixels.clone().enumerate() {
-                let dx = run.dx + k as f64;
-                let square = dx * dx + run.dy * run.dy;
-                let expected = curve.at(run.ring, (square - middle) / half);
-                let variance = f64::from(self.channel.variance[index]);
-                let seen = f64::from(self.channel.value[index]);
-                let good =
-                    variance.is_finite() && limits[run.ring].allows(seen - expected, variance);
-                sum += if good { seen } else { expected } - gaussian(square);
-            }
+        self.for_each_inside(core, |p| {
+            let (middle, half) = self.rings.square(p.ring);
+            let expected = curve.at(p.ring, p.tau);
+            let good =
+                p.variance.is_finite() && limits[p.ring].allows(p.value - expected, p.variance);
+            let seen = if good { p.value } else { expected };
+            sum += p.area * (seen - gaussian(middle + half * p.tau));
         });
         let integral = if decay * rim * rim > 1e-9 {
             std::f64::consts::PI / decay * value * (decay * rim * rim).exp_m1()
@@ -426,6 +521,32 @@ impl Picture<'_> {
             }
         }
     }
+}
+
+/// Radius of the largest circle about `center` that the picture holds, in units of `places`.
+fn full_circle(
+    view: &View,
+    places: &Places,
+    center: [f64; 2],
+    (width, height): (usize, usize),
+) -> Result<f64, ProfileError> {
+    let (right, bottom) = (width as f64 - 0.5, height as f64 - 0.5);
+    let corners = [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]];
+    if !corners.iter().all(|c| view.is_in_front(*c)) {
+        return Err(ProfileError::Horizon);
+    }
+    let [x, y] = center;
+    if !((-0.5..right).contains(&x) && (-0.5..bottom).contains(&y)) {
+        // No circle; whoever asked says so.
+        return Ok(f64::NEG_INFINITY);
+    }
+    // The border of the picture is four straight lines on the surface as well.
+    let distance = |k: usize| {
+        let (a, b) = (corners[k], corners[(k + 1) % 4]);
+        let (a, b) = (places.at(a[0], a[1]).0, places.at(b[0], b[1]).0);
+        (a[0] * b[1] - a[1] * b[0]).abs() / (b[0] - a[0]).hypot(b[1] - a[1])
+    };
+    Ok((0..4).map(distance).fold(f64::INFINITY, f64::min))
 }
 
 /// What the curve may be off in each ring: a share of the step to the neighbouring rings. The
@@ -453,10 +574,10 @@ fn floor_of(u: &[f64], means: &[f64]) -> f64 {
         .max(f64::MIN_POSITIVE)
 }
 
-fn unmeasured_ring(rings: &Rings, ring: usize, mm_per_pixel: f64) -> ProfileError {
+fn unmeasured_ring(rings: &Rings, ring: usize, unit_mm: f64) -> ProfileError {
     let (inner, outer) = rings.edges(ring);
     ProfileError::UnmeasuredRing {
-        inner_mm: inner * mm_per_pixel,
-        outer_mm: outer * mm_per_pixel,
+        inner_mm: inner * unit_mm,
+        outer_mm: outer * unit_mm,
     }
 }

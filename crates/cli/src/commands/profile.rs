@@ -2,7 +2,7 @@
 
 use super::print;
 use crate::args::{Common, ProfileArgs};
-use ::profile::{Measured, ProfileOptions, slice_profile};
+use ::profile::{Measured, ProfileOptions, View, slice_profile};
 use physics::{RadialProfile, RadianceMap, TotalReflectance};
 use pipeline::error::Blame;
 use pipeline::files::{Outputs, read, split};
@@ -36,7 +36,7 @@ struct Channel {
 struct Picture {
     map: RadianceMap,
     u_scale_relative: Vec<f64>,
-    mm_per_pixel: f64,
+    view: View,
     center_px: Option<[f64; 2]>,
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn run(
     let measured = measure::profiles(
         &picture.map,
         &picture.u_scale_relative,
-        picture.mm_per_pixel,
+        picture.view,
         picture.center_px,
     )
     .map_err(|e| e.within(&place))?;
@@ -92,7 +92,7 @@ fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Pictu
     Ok(Picture {
         u_scale_relative: radiance.scales.iter().map(|s| s.u_relative).collect(),
         map: radiance.map,
-        mm_per_pixel: loaded.capture.geometry.mm_per_pixel,
+        view: View::square(loaded.capture.geometry.mm_per_pixel),
         center_px: loaded.capture.geometry.center_px,
     })
 }
@@ -113,7 +113,7 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
     Ok(Picture {
         u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
         map: file.map,
-        mm_per_pixel,
+        view: View::square(mm_per_pixel),
         center_px: None,
     })
 }
@@ -129,7 +129,7 @@ fn slices(picture: &Picture, measured: &[Measured]) -> Result<Vec<RadialProfile>
         .zip(measured)
         .map(|(channel, m)| {
             let options = ProfileOptions {
-                mm_per_pixel: picture.mm_per_pixel,
+                view: picture.view,
                 center_px: Some(m.center_px),
                 ..ProfileOptions::default()
             };

@@ -1,7 +1,7 @@
 //! Profiles of pictures that are integrated over each pixel by brute force.
 
 use super::*;
-use crate::slice_profile;
+use crate::{find_center, slice_profile};
 use gauss_quad::GaussLegendre;
 use physics::{DiffuseFresnel, Dipole, ReducedMedium};
 use rand::{RngExt, SeedableRng};
@@ -432,7 +432,7 @@ fn each_bad_input_is_named() {
     let default = ProfileOptions::default();
     for bad in [0.0, -0.04, f64::NAN, f64::INFINITY] {
         let options = ProfileOptions {
-            mm_per_pixel: bad,
+            view: crate::View::square(bad),
             ..default
         };
         assert!(matches!(
@@ -500,4 +500,150 @@ fn each_bad_input_is_named() {
             pixels: 4096
         }
     );
+}
+
+/// A pinhole camera over the surface, its sensor tilted by `tilt` about the rows.
+fn tilted_view(tilt: f64, size: usize) -> View {
+    let (sin, cos) = tilt.sin_cos();
+    let middle = 0.5 * (size as f64 - 1.0);
+    let seen = |mm: [f64; 2]| {
+        let away = 250.0 + mm[1] * sin;
+        let focal = 250.0 / MM;
+        [
+            middle + focal * mm[0] / away,
+            middle - focal * mm[1] * cos / away,
+        ]
+    };
+    let mm = [[-3.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-3.0, 2.0]];
+    View::corners(&mm.map(seen), &mm).unwrap()
+}
+
+/// The mean of `glow` over what each pixel sees of the surface, about `center`.
+fn seen_through(view: &View, glow: Glow, size: usize, center: [f64; 2]) -> ChannelMap {
+    let spot = view.at_mm(center);
+    let rules = Rules::new();
+    let value: Vec<f32> = (0..size * size)
+        .map(|i| {
+            let (x, y) = ((i % size) as f64, (i / size) as f64);
+            let rule = rules.at((x - center[0]).hypot(y - center[1]));
+            let (mut sum, mut area) = (0.0, 0.0);
+            for (u, uw) in rule {
+                for (v, vw) in rule {
+                    let px = [x + u, y + v];
+                    let [across, down] = view.at_mm(px);
+                    let weight = uw * vw * view.area_mm2(px);
+                    area += weight;
+                    sum += weight * glow((across - spot[0]).hypot(down - spot[1]));
+                }
+            }
+            (sum / area) as f32
+        })
+        .collect();
+    let peak = value.iter().fold(0.0_f32, |m, v| m.max(*v));
+    ChannelMap {
+        name: "Y".to_owned(),
+        variance: vec![1e-18 * peak * peak; value.len()],
+        value,
+    }
+}
+
+/// Rings and total on the surface, whatever the camera's tilt and the shape of its pixels.
+#[test]
+fn a_tilted_camera_sees_the_same_rings() {
+    let marble = under_a_beam(&dipole(0.0041, 2.62));
+    for (label, view) in [
+        ("30 degrees", tilted_view(30_f64.to_radians(), 256)),
+        ("55 degrees", tilted_view(55_f64.to_radians(), 256)),
+        ("0.04 x 0.06 mm", View::rectangular([0.04, 0.06])),
+    ] {
+        let center = [126.3, 129.8];
+        let map = seen_through(&view, &marble, 256, center);
+        let options = ProfileOptions {
+            view,
+            ..options(center)
+        };
+        let measured = radial_profile(&map, 256, 256, &options).unwrap();
+        assert_eq!(measured.rejected_pixels, 0, "{label}");
+        // A pixel as large on average over directions; what is smeared by another shape differs
+        // in fourth order of its side.
+        let pixel = view.blur_mm(center);
+        let (mut worst, mut sum) = (0.0_f64, 0.0);
+        for point in &measured.profile.points {
+            let (inner, outer) = point.ring_mm.unwrap();
+            let truth = ring_mean(&|r| marble(r * pixel / MM), inner / pixel, outer / pixel);
+            let error = point.reflectance_per_mm2 / truth - 1.0;
+            if point.radius_mm > 8.0 * pixel {
+                worst = worst.max(error.abs());
+            }
+            sum += point.area_mm2() * truth;
+        }
+        let total = measured.total.total_reflectance / sum - 1.0;
+        let found = find_center(&map, 256, 256).unwrap();
+        let off = (found[0] - center[0]).hypot(found[1] - center[1]);
+        println!("{label}: rings {worst:.1e}, total {total:+.1e}, centre {off:.4} px");
+        assert!(worst < 1e-3, "{label}: {worst}");
+        assert!(total.abs() < 2e-4, "{label}: {total}");
+        assert!(off < 0.02, "{label}: {off}");
+        assert!(measured.unseen_share < 1e-12, "{label}");
+    }
+}
+
+/// Noise on pixels of unequal areas: the residuals' variance is what u says.
+#[test]
+fn uncertainties_are_true_in_a_tilted_view() {
+    let marble = under_a_beam(&dipole(0.0041, 2.62));
+    let (size, center) = (128, [63.2, 65.9]);
+    let view = tilted_view(0.96, size);
+    let clean = seen_through(&view, &marble, size, center);
+    let options = ProfileOptions {
+        view,
+        ..options(center)
+    };
+    let truth = radial_profile(&clean, size, size, &options).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(5);
+    let (mut sum, mut count, mut totals) = (0.0, 0.0, 0.0);
+    let pictures = 60;
+    for _ in 0..pictures {
+        let mut map = clean.clone();
+        for (value, variance) in map.value.iter_mut().zip(&mut map.variance) {
+            let u = 0.01 * *value + 1e-4;
+            let noise: f64 = rng.sample(StandardNormal);
+            *value += u * noise as f32;
+            *variance = u * u;
+        }
+        let measured = radial_profile(&map, size, size, &options).unwrap();
+        for (a, b) in measured
+            .profile
+            .points
+            .iter()
+            .zip(&truth.profile.points)
+            .skip(6)
+        {
+            let z = (a.reflectance_per_mm2 - b.reflectance_per_mm2) / a.u_reflectance_per_mm2;
+            sum += z * z;
+            count += 1.0;
+        }
+        let (a, b) = (&measured.total, &truth.total);
+        totals += ((a.total_reflectance - b.total_reflectance) / a.u_total_reflectance).powi(2);
+    }
+    println!(
+        "rings {:.3}, total {:.3}",
+        sum / count,
+        totals / pictures as f64
+    );
+    assert!((sum / count - 1.0).abs() < 4.0 * (2.0_f64 / count).sqrt());
+    assert!((totals / pictures as f64 - 1.0).abs() < 4.0 * (2.0 / pictures as f64).sqrt());
+}
+
+#[test]
+fn a_horizon_in_the_picture_is_refused() {
+    let map = picture(&|r: f64| (-r * r).exp(), 64, [31.0, 32.0]);
+    let px = [[10.0, 60.0], [54.0, 60.0], [36.0, 20.0], [28.0, 20.0]];
+    let mm = [[0.0, 0.0], [4.0, 0.0], [4.0, 9.0], [0.0, 9.0]];
+    let options = ProfileOptions {
+        view: View::corners(&px, &mm).unwrap(),
+        ..options([31.0, 32.0])
+    };
+    let error = radial_profile(&map, 64, 64, &options).unwrap_err();
+    assert_eq!(error, ProfileError::Horizon);
 }
