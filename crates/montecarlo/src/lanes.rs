@@ -9,10 +9,11 @@ use crate::beam::launch;
 use crate::boundary::{Meeting, meet};
 use crate::cells::{BlockCells, Exit, PHOTONS_PER_BLOCK};
 use crate::kernel::{Chunk, Flight, Limits, Scattering, WIDTH};
-use crate::path::{SimdPath, Stepper};
+use crate::path::Stepper;
 use crate::problem::{Flown, Problem, ROULETTE_DEPTH, Trail, roulette};
 use crate::random::{Stream32, Uniform};
 use physics::Phase;
+use physics::simd::SimdPath;
 use std::ops::Range;
 
 /// Chunks of a pool: enough to keep the processor's pipelines full, few enough for its nearest

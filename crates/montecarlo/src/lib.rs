@@ -14,7 +14,7 @@
 //! | [`cells`] | [`TallySpec`]: what is counted, and exact sums of it |
 //! | [`tally`] | [`Tally`]: what came of it, with standard errors |
 //! | [`simulation`] | [`Simulation`]: all together, and how it is run |
-//! | [`path`] | [`SimdPath`]: the instructions it runs on |
+//! | `path` | its loop on the instructions that [`SimdPath`] names |
 //! | [`error`] | [`InvalidSimulation`], [`CannotMerge`] |
 //!
 //! ```
@@ -53,9 +53,9 @@ pub use bins::Axis;
 pub use boundary::Side;
 pub use cells::{PHOTONS_PER_BLOCK, TallySpec};
 pub use error::{CannotMerge, InvalidSimulation};
-pub use path::SimdPath;
 pub use physics::footprint::Beam;
 pub use physics::layered::{InvalidLayers, Layer, LayeredMedium, Place};
 pub use physics::phase::{Phase, PhaseMixture, TabulatedPhase};
+pub use physics::simd::SimdPath;
 pub use simulation::{Simulation, Walk};
 pub use tally::{Binned, Binned2, Estimate, Tally, TallyState, ring_area, solid_angle};

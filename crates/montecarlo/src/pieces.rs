@@ -1,7 +1,7 @@
 //! The pieces of a scattering one by one, so that a bench can say where the time goes.
 
 use crate::kernel::{Floats, WIDTH, minus_ln, random_direction, uniform};
-use crate::path::{LaneLoop, SimdPath};
+use physics::simd::{LaneLoop, SimdPath};
 
 const CHUNKS: usize = 8;
 
@@ -53,6 +53,8 @@ struct Pass<'a> {
 }
 
 impl LaneLoop for Pass<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<const FMA: bool>(self) {
         for (words, out) in self.pieces.words.iter().zip(&mut self.pieces.out) {

@@ -3,6 +3,7 @@
 use crate::fresnel::{self, DiffuseFresnel};
 use crate::medium::{Coefficients, ReducedMedium};
 use crate::model::{ForwardModel, Gradient};
+use crate::simd::{self, LaneLoop, SimdPath};
 use std::f64::consts::PI;
 
 /// The dipole of one medium: two point sources that together leave the boundary condition true.
@@ -158,6 +159,26 @@ impl Dipole {
         }
     }
 
+    /// [`Self::diffuse_reflectance`] at every `radius` (mm), into `out` of the same length, on
+    /// the vector instructions of `path`.
+    pub fn reflectances(&self, path: SimdPath, radius: &[f64], out: &mut [f64]) {
+        path.run(Reflectances {
+            dipole: self,
+            radius,
+            out,
+        });
+    }
+
+    /// [`Self::diffuse_reflectance_gradient`] at every `radius` (mm), into `out` of the same
+    /// length, on the vector instructions of `path`.
+    pub fn gradients(&self, path: SimdPath, radius: &[f64], out: &mut [Gradient]) {
+        path.run(Gradients {
+            dipole: self,
+            radius,
+            out,
+        });
+    }
+
     /// Total diffuse reflectance per unit of power that enters, ∫ `R_d` 2πr dr.
     ///
     /// # Source
@@ -190,6 +211,143 @@ struct SourceSum {
     value: f64,
     in_sigma_tr_squared: f64,
     in_ln_depth: f64,
+}
+
+/// Radii in one pass of a loop: what one AVX-512 register holds.
+const LANES: usize = 8;
+
+/// [`Dipole::reflectances`] as a loop over lanes.
+struct Reflectances<'a> {
+    dipole: &'a Dipole,
+    radius: &'a [f64],
+    out: &'a mut [f64],
+}
+
+/// [`Dipole::gradients`] as a loop over lanes.
+struct Gradients<'a> {
+    dipole: &'a Dipole,
+    radius: &'a [f64],
+    out: &'a mut [Gradient],
+}
+
+/// `radius` in blocks; what the last lacks is filled with its first radius.
+#[inline(always)]
+fn blocks(radius: &[f64]) -> impl Iterator<Item = [f64; LANES]> {
+    radius.chunks(LANES).map(|chunk| {
+        let mut block = [chunk[0]; LANES];
+        if chunk.len() == LANES {
+            block.copy_from_slice(chunk);
+        } else {
+            block[..chunk.len()].copy_from_slice(chunk);
+        }
+        block
+    })
+}
+
+impl LaneLoop for Reflectances<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let &Dipole {
+            sigma_tr: tr,
+            z_real,
+            z_virtual,
+            albedo_prime,
+            ..
+        } = self.dipole;
+        let scale = albedo_prime / (4.0 * PI);
+        for (radii, out) in blocks(self.radius).zip(self.out.chunks_mut(LANES)) {
+            let mut values = [0.0; LANES];
+            for (value, r) in values.iter_mut().zip(radii) {
+                let source = |z: f64| {
+                    let d = simd::fma::<FMA>(r, r, z * z).sqrt();
+                    let x = tr * d;
+                    (d, z * (1.0 + x) * simd::exp::<FMA>(-x))
+                };
+                let ((d, real), (e, image)) = (source(z_real), source(z_virtual));
+                // One division serves both distances.
+                let inverse = 1.0 / (d * e);
+                let (per_d, per_e) = (inverse * e, inverse * d);
+                *value = scale
+                    * simd::fma::<FMA>(
+                        real,
+                        per_d * per_d * per_d,
+                        image * (per_e * per_e * per_e),
+                    );
+            }
+            out.copy_from_slice(&values[..out.len()]);
+        }
+    }
+}
+
+impl LaneLoop for Gradients<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let dipole = self.dipole;
+        let (tr, zs) = (dipole.sigma_tr, [dipole.z_real, dipole.z_virtual]);
+        // What each of the three sums contributes to value and derivatives.
+        let unit = |value: f64, in_sigma_tr_squared: f64, in_ln_depth: f64| {
+            let sum = SourceSum {
+                value,
+                in_sigma_tr_squared,
+                in_ln_depth,
+            };
+            dipole.gradient(&sum, 4.0 * PI)
+        };
+        let (of_value, of_tr2, of_depth) = (
+            unit(1.0, 0.0, 0.0),
+            unit(0.0, 1.0, 0.0),
+            unit(0.0, 0.0, 1.0),
+        );
+        for (radii, out) in blocks(self.radius).zip(self.out.chunks_mut(LANES)) {
+            let (mut value, mut in_a, mut in_s) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for i in 0..LANES {
+                let r = radii[i];
+                let distance = |z: f64| simd::fma::<FMA>(r, r, z * z).sqrt();
+                let d = zs.map(distance);
+                // One division serves both distances.
+                let inverse = 1.0 / (d[0] * d[1]);
+                let per_d = [inverse * d[1], inverse * d[0]];
+                let (mut sum, mut tr2, mut depth) = (0.0, 0.0, 0.0);
+                for k in 0..2 {
+                    let (z, x) = (zs[k], tr * d[k]);
+                    let (per, per2) = (per_d[k], per_d[k] * per_d[k]);
+                    // The source's strength times e^(−σₜᵣd)/d, and what multiplies it.
+                    let near = z * per * simd::exp::<FMA>(-x);
+                    let flux = near * per2 * (1.0 + x);
+                    let steepening = near * per2 * per2 * simd::fma::<FMA>(x, x + 3.0, 3.0);
+                    sum += flux;
+                    tr2 = simd::fma::<FMA>(-0.5, near, tr2);
+                    depth += simd::fma::<FMA>(-z * z, steepening, flux);
+                }
+                value[i] = of_value.value * sum;
+                in_a[i] = simd::fma::<FMA>(
+                    of_value.in_sigma_a,
+                    sum,
+                    simd::fma::<FMA>(of_tr2.in_sigma_a, tr2, of_depth.in_sigma_a * depth),
+                );
+                in_s[i] = simd::fma::<FMA>(
+                    of_value.in_sigma_s_prime,
+                    sum,
+                    simd::fma::<FMA>(
+                        of_tr2.in_sigma_s_prime,
+                        tr2,
+                        of_depth.in_sigma_s_prime * depth,
+                    ),
+                );
+            }
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = Gradient {
+                    value: value[i],
+                    in_sigma_a: in_a[i],
+                    in_sigma_s_prime: in_s[i],
+                };
+            }
+        }
+    }
 }
 
 /// Total diffuse reflectance per entering power of a half-space of reduced albedo `albedo_prime`.
@@ -276,10 +434,7 @@ impl ForwardModel for DipoleModel {
     }
 
     fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let dipole = Dipole::with_a(coefficients, self.a);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = dipole.diffuse_reflectance(r);
-        }
+        Dipole::with_a(coefficients, self.a).reflectances(SimdPath::best(), radius, out);
     }
 
     fn diffuse_reflectance_gradient(
@@ -288,10 +443,7 @@ impl ForwardModel for DipoleModel {
         radius: &[f64],
         out: &mut [Gradient],
     ) {
-        let dipole = Dipole::with_a(coefficients, self.a);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = dipole.diffuse_reflectance_gradient(r);
-        }
+        Dipole::with_a(coefficients, self.a).gradients(SimdPath::best(), radius, out);
     }
 
     fn within(&self, coefficients: Coefficients, radius: f64) -> Gradient {
@@ -361,6 +513,51 @@ pub(crate) mod tests {
                     (got / expected - 1.0).abs() < 1e-12,
                     "{arguments}: {got} for {expected}"
                 );
+            }
+        }
+    }
+
+    /// Both loops, on every path, against the formulas one radius at a time.
+    #[test]
+    fn loops_over_lanes_are_the_definition() {
+        for medium in MEDIA {
+            let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
+            // From the beam itself to where light has died out, and a last block that is short.
+            let mut radius = vec![0.0];
+            radius.extend((0..202).map(|i| 1e-3 * 1.06_f64.powi(i)));
+            let (mut values, mut gradients) = (vec![], vec![]);
+            values.resize(radius.len(), 0.0);
+            gradients.resize(radius.len(), Gradient::default());
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                dipole.reflectances(path, &radius, &mut values);
+                dipole.gradients(path, &radius, &mut gradients);
+                for ((&r, &value), got) in radius.iter().zip(&values).zip(&gradients) {
+                    let expected = dipole.diffuse_reflectance_gradient(r);
+                    if expected.value < 1e-290 {
+                        continue;
+                    }
+                    // Where terms cancel, rounding is that of the terms: a derivative times its
+                    // coefficient is of the order of the value, or of its exponent times it.
+                    let terms = expected.value * (3.0 + dipole.sigma_tr * r);
+                    let error = (value / expected.value - 1.0).abs();
+                    let exponent = 1.0 + 1e-2 * dipole.sigma_tr * r;
+                    assert!(error < 1e-13 * exponent, "{path:?} {medium:?} {r}: {value}");
+                    for (got, expected, scale) in [
+                        (got.value, expected.value, 1.0),
+                        (got.in_sigma_a, expected.in_sigma_a, medium.sigma_a),
+                        (
+                            got.in_sigma_s_prime,
+                            expected.in_sigma_s_prime,
+                            medium.sigma_s_prime,
+                        ),
+                    ] {
+                        let error = (got - expected).abs();
+                        assert!(
+                            error <= 1e-13 * expected.abs().max(terms / scale) * exponent,
+                            "{path:?} {medium:?} {r}: {got} for {expected}"
+                        );
+                    }
+                }
             }
         }
     }

@@ -22,6 +22,7 @@
 //! | [`radiance`] | [`RadianceMap`]: a picture with a variance |
 //! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
 //! | [`material`] | [`Material`]: one row of a table |
+//! | [`simd`] | loops over lanes on the instructions of the processor at hand |
 
 pub mod better_dipole;
 pub mod brdf;
@@ -39,6 +40,7 @@ pub mod model;
 pub mod phase;
 pub mod profile;
 pub mod radiance;
+pub mod simd;
 
 pub use better_dipole::BetterDipoleModel;
 pub use dipole::{Dipole, DipoleModel};
