@@ -2,9 +2,10 @@
 
 use crate::budget::Contribution;
 use crate::options::Constraint;
-use crate::problem::{Problem, jacobian};
+use crate::problem::{Level, Problem, jacobian};
 use crate::result::{Estimate, Fit, Residual, Termination, TotalFit, Warning};
 use crate::solve::Solution;
+use nalgebra::{Matrix2, Vector2};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 const NORMAL_95_TWO_SIDED: f64 = 1.959_963_984_540_054;
@@ -38,6 +39,20 @@ pub(crate) struct Summary {
     albedo_prime: f64,
 }
 
+/// χ² at a solution, and what follows from its derivatives.
+struct Evaluation {
+    chi2: f64,
+    scale: f64,
+    /// Of (τ, λ).
+    covariance: Matrix2<f64>,
+}
+
+fn inverse(hessian: Matrix2<f64>) -> Matrix2<f64> {
+    hessian
+        .try_inverse()
+        .unwrap_or_else(|| Matrix2::from_diagonal_element(f64::INFINITY))
+}
+
 impl Problem<'_> {
     /// What `solution` says in numbers.
     pub(crate) fn summary(&mut self, solution: &Solution) -> Summary {
@@ -52,21 +67,21 @@ impl Problem<'_> {
         let at = point.coefficients(self.epsilon);
         let t = at.sigma_t_prime();
         let exact = options.constraint == Constraint::Exact;
-        let scale = if exact { 1.0 } else { self.normal(point).scale };
+        let Evaluation {
+            chi2,
+            scale,
+            covariance,
+        } = self.evaluate(solution);
 
         // A nuisance with a prior costs nothing: the prior is a datum. One without does.
         let unknown = usize::from(!exact && options.u_scale_relative == f64::INFINITY);
         let free = if exact { 1 } else { 2 } + unknown;
         let extra = usize::from(!exact && data.total.is_some());
         let freedom = (self.points + extra).saturating_sub(free) as f64;
-        let reduced_chi2 = if freedom > 0.0 {
-            solution.chi2 / freedom
-        } else {
-            0.0
-        };
+        let reduced_chi2 = if freedom > 0.0 { chi2 / freedom } else { 0.0 };
         // Below 1 no chi-squared is improbable.
         let probability = if reduced_chi2 > 1.0 {
-            ChiSquared::new(freedom).map_or(1.0, |d| d.sf(solution.chi2))
+            ChiSquared::new(freedom).map_or(1.0, |d| d.sf(chi2))
         } else {
             1.0
         };
@@ -76,7 +91,7 @@ impl Problem<'_> {
             1.0
         };
 
-        let covariance = self.covariance(solution) * (widened * widened);
+        let covariance = covariance * (widened * widened);
         let (in_a, in_s) = jacobian(point, self.epsilon);
         let u_s = in_s.dot(&(covariance * in_s)).max(0.0).sqrt();
         let variance_a = in_a.dot(&(covariance * in_a)).max(0.0);
@@ -148,18 +163,46 @@ impl Problem<'_> {
         }
     }
 
+    /// The last evaluation: at the solution itself.
+    fn evaluate(&mut self, solution: &Solution) -> Evaluation {
+        let &Solution {
+            point,
+            tau_slope,
+            termination,
+            ..
+        } = solution;
+        if self.data.options.constraint != Constraint::Exact {
+            let normal = self.normal(Level::Full, point);
+            return Evaluation {
+                chi2: normal.chi2,
+                scale: normal.scale,
+                covariance: inverse(normal.hessian),
+            };
+        }
+        let bound = (termination == Termination::AtBound)
+            .then(|| inverse(self.normal(Level::Full, point).hessian));
+        let (chi2, _, curvature) = self.along_constraint(Level::Full, point, tau_slope);
+        let along = Vector2::new(tau_slope, 1.0);
+        Evaluation {
+            chi2,
+            scale: 1.0,
+            covariance: bound.unwrap_or(along * along.transpose() / curvature),
+        }
+    }
+
     /// The points that took part, beside the model of the last evaluation.
     fn residuals(&self, scale: f64) -> Vec<Residual> {
         let data = self.data;
         let fitted = self.span.clone().enumerate();
         fitted
-            .filter(|&(row, _)| self.space.weight[row] > 0.0)
+            .filter(|&(row, _)| self.memory.full.weight[row] > 0.0)
             .map(|(row, i)| Residual {
                 radius_mm: data.geometry.radii[i],
                 measured_per_mm2: data.value[i],
                 u_per_mm2: data.u[i],
-                model_per_mm2: scale * self.space.value[row],
-                nuisances_per_mm2: self.space.fitted(row, scale) - scale * self.space.value[row],
+                model_per_mm2: scale * self.memory.full.value[row],
+                nuisances_per_mm2: self.memory.full.fitted(row, scale)
+                    - scale * self.memory.full.value[row],
             })
             .collect()
     }
@@ -167,11 +210,6 @@ impl Problem<'_> {
     /// The fit that `solution` stands for; `trusted` is what the choice of the range warned of.
     pub(crate) fn conclude(&mut self, solution: &Solution, trusted: Option<Warning>) -> Fit {
         let summary = self.summary(solution);
-        if self.data.options.constraint == Constraint::Exact {
-            self.along_constraint(solution.point, solution.tau_slope);
-        } else {
-            self.normal(solution.point);
-        }
         let mut warnings: Vec<Warning> = trusted.into_iter().collect();
         summary.warn(
             self.data.options.u_scale_relative,

@@ -8,10 +8,16 @@
 //! their full covariance (Woodbury), and the columns keep their dependence on the model.
 
 use nalgebra::{Matrix2, Vector2};
+use physics::simd::{self, LaneLoop, SimdPath};
+
+/// Partial sums that run beside each other. Data are padded to blocks of as many, with weight 0.
+const LANES: usize = 4;
 
 /// Memory that a fit reuses from one evaluation to the next.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
+    /// How many data there are without the total.
+    rings: usize,
     /// The model at the nodes of the data's footprints.
     pub(crate) nodes: Vec<physics::Gradient>,
     /// Inverse variances; 0 for a datum that takes no part. Like everything here that is one
@@ -78,6 +84,7 @@ pub(crate) struct Terms {
 impl Workspace {
     /// Makes room for `rings` data and a total.
     pub(crate) fn resize(&mut self, rings: usize) {
+        self.rings = rings;
         for buffer in [
             &mut self.weight,
             &mut self.datum,
@@ -89,8 +96,13 @@ impl Workspace {
             &mut self.residual,
         ] {
             buffer.clear();
-            buffer.resize(rings + 1, 0.0);
+            buffer.resize((rings + 1).next_multiple_of(LANES), 0.0);
         }
+    }
+
+    /// How far apart the columns of two directions are.
+    pub(crate) fn stride(&self) -> usize {
+        self.weight.len()
     }
 
     /// Makes room for the directions; the caller fills `relative` and `absolute`.
@@ -122,7 +134,7 @@ impl Workspace {
 
     /// The last row: the total, less what its rings say already.
     fn add_total(&mut self, total: Option<TotalRow>) {
-        let rings = self.weight.len() - 1;
+        let rings = self.rings;
         let rows = [
             &mut self.value,
             &mut self.in_sigma_a,
@@ -150,40 +162,20 @@ impl Workspace {
 
     /// With the scale as the only nuisance, or none.
     fn reduce_scale(&mut self, precision: Option<f64>) -> Reduced {
-        let rows = || {
-            let weights = self.weight.iter().zip(&self.datum).zip(&self.value);
-            weights
-                .zip(self.in_sigma_a.iter().zip(&self.in_sigma_s_prime))
-                .map(|(((&w, &d), &v), (&a, &s))| (w, d, v, a, s))
-        };
+        let rows = [
+            &self.weight[..],
+            &self.datum,
+            &self.value,
+            &self.in_sigma_a,
+            &self.in_sigma_s_prime,
+        ];
         let (mut scale, mut norm) = (1.0, 0.0);
         if let Some(precision) = precision {
-            let mut up = 0.0;
-            for (w, d, v, _, _) in rows() {
-                up += w * v * (d - v);
-                norm += w * v * v;
-            }
-            norm += precision;
+            let [up, down] = SimdPath::best().run(ScaleSums { rows });
+            norm = down + precision;
             scale += up / norm;
         }
-        let mut sums = [0.0; 8];
-        for (w, d, v, a, s) in rows() {
-            let e = d - scale * v;
-            let (wa, ws) = (w * a, w * s);
-            let terms = [
-                w * e * e,
-                wa * e,
-                ws * e,
-                wa * a,
-                wa * s,
-                ws * s,
-                wa * v,
-                ws * v,
-            ];
-            for (sum, term) in sums.iter_mut().zip(terms) {
-                *sum += term;
-            }
-        }
+        let sums = SimdPath::best().run(NormalSums { rows, scale });
         let [mut chi2, ea, es, aa, mixed, ss, va, vs] = sums;
         let mut hessian = Matrix2::new(aa, mixed, mixed, ss);
         if let Some(precision) = precision {
@@ -200,8 +192,7 @@ impl Workspace {
     }
 
     fn reduce_all(&mut self, terms: &Terms) -> Reduced {
-        let data = self.weight.len();
-        let rings = data - 1;
+        let (data, rings) = (self.stride(), self.rings);
         let (relative, directions) = (
             self.relative_count,
             self.relative_count + self.absolute_count,
@@ -338,12 +329,94 @@ impl Workspace {
     }
 }
 
+/// Weight, datum, value and derivatives of every row, in whole blocks.
+type AllRows<'a> = [&'a [f64]; 5];
+
+/// Σ w v (d − v) and Σ w v²: what the scale factor follows from.
+struct ScaleSums<'a> {
+    rows: AllRows<'a>,
+}
+
+impl LaneLoop for ScaleSums<'_> {
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> [f64; 2] {
+        let [w, d, v, _, _] = self.rows.map(|row| row.as_chunks::<LANES>().0);
+        let mut sums = [[0.0; LANES]; 2];
+        for ((w, d), v) in w.iter().zip(d).zip(v) {
+            for i in 0..LANES {
+                let wv = w[i] * v[i];
+                sums[0][i] = simd::fma::<FMA>(wv, d[i] - v[i], sums[0][i]);
+                sums[1][i] = simd::fma::<FMA>(wv, v[i], sums[1][i]);
+            }
+        }
+        sums.map(|lanes| lanes.iter().sum())
+    }
+}
+
+/// Sums over all rows of what χ², its gradient and its Hessian are made of, with the residual
+/// e = d − scale·v: w·(e², a e, s e, a², a s, s², a v, s v).
+struct NormalSums<'a> {
+    rows: AllRows<'a>,
+    scale: f64,
+}
+
+impl LaneLoop for NormalSums<'_> {
+    type Output = [f64; 8];
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> [f64; 8] {
+        let [w, d, v, a, s] = self.rows.map(|row| row.as_chunks::<LANES>().0);
+        let mut sums = [[0.0; LANES]; 8];
+        for ((((w, d), v), a), s) in w.iter().zip(d).zip(v).zip(a).zip(s) {
+            for i in 0..LANES {
+                let e = simd::fma::<FMA>(-self.scale, v[i], d[i]);
+                let (we, wa, ws) = (w[i] * e, w[i] * a[i], w[i] * s[i]);
+                let terms = [
+                    (we, e),
+                    (we, a[i]),
+                    (we, s[i]),
+                    (wa, a[i]),
+                    (wa, s[i]),
+                    (ws, s[i]),
+                    (wa, v[i]),
+                    (ws, v[i]),
+                ];
+                for (sum, (x, y)) in sums.iter_mut().zip(terms) {
+                    sum[i] = simd::fma::<FMA>(x, y, sum[i]);
+                }
+            }
+        }
+        sums.map(|lanes| lanes.iter().sum())
+    }
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Σ w a b over whole blocks.
+struct Weighted<'a>([&'a [f64]; 3]);
+
+impl LaneLoop for Weighted<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> f64 {
+        let [w, a, b] = self.0.map(|row| row.as_chunks::<LANES>().0);
+        let mut sums = [0.0; LANES];
+        for ((w, a), b) in w.iter().zip(a).zip(b) {
+            for i in 0..LANES {
+                sums[i] = simd::fma::<FMA>(w[i] * a[i], b[i], sums[i]);
+            }
+        }
+        sums.iter().sum()
+    }
+}
+
 fn weighted(w: &[f64], a: &[f64], b: &[f64]) -> f64 {
-    w.iter().zip(a).zip(b).map(|((w, a), b)| w * a * b).sum()
+    SimdPath::best().run(Weighted([w, a, b]))
 }
 
 /// The lower Cholesky factor of a positive definite matrix, in its place, row by row.
@@ -405,6 +478,7 @@ mod tests {
             space.in_sigma_a[i] = wave(i, 4.0);
             space.in_sigma_s_prime[i] = wave(i, 5.0);
         }
+        let stride = space.stride();
         for (i, x) in space.relative.iter_mut().enumerate() {
             *x = 0.3 * wave(i, 6.0);
         }
@@ -438,7 +512,7 @@ mod tests {
             map[(n, i)] = -0.1;
         }
         let whole = |row: &[f64], own: f64| {
-            let mut all = DVector::from_row_slice(row);
+            let mut all = DVector::from_row_slice(&row[..=n]);
             all[n] = own;
             all
         };
@@ -448,30 +522,30 @@ mod tests {
             let column = match k {
                 0 => value.clone(),
                 1 | 2 => {
-                    let phi = &space.relative[(k - 1) * (n + 1)..k * (n + 1)];
+                    let phi = &space.relative[(k - 1) * stride..][..=n];
                     let own = phi[n] * own.value;
                     let ring: Vec<f64> = phi.iter().zip(&rows[0]).map(|(p, v)| p * v).collect();
                     &map * whole(&ring, own)
                 }
-                _ => &map * DVector::from_row_slice(&space.absolute),
+                _ => &map * DVector::from_row_slice(&space.absolute[..=n]),
             };
             columns.set_column(k, &column);
         }
         let prior = DMatrix::from_diagonal(&DVector::from_row_slice(&[1.0 / 25.0, 1.0, 1.0, 1.0]));
         let noise = DMatrix::from_diagonal(&DVector::from_iterator(
             n + 1,
-            space.weight.iter().map(|w| 1.0 / w),
+            space.weight[..=n].iter().map(|w| 1.0 / w),
         ));
         let inverse = (noise + &columns * &prior * columns.transpose())
             .try_inverse()
             .unwrap();
-        let residual = DVector::from_row_slice(&space.datum) - &value;
+        let residual = DVector::from_row_slice(&space.datum[..=n]) - &value;
         let chi2 = residual.dot(&(&inverse * &residual));
         assert!((got.chi2 / chi2 - 1.0).abs() < 1e-12, "{got:?}, {chi2}");
         let z = &prior * columns.transpose() * &inverse * &residual;
         let factor = |phi: &dyn Fn(usize) -> f64| 1.0 + z[0] + z[1] * phi(1) + z[2] * phi(2);
         let slope = |row: &[f64], own: f64| {
-            let phi = |i: usize| move |k: usize| 0.3 * wave((k - 1) * (n + 1) + i, 6.0);
+            let phi = |i: usize| move |k: usize| 0.3 * wave((k - 1) * stride + i, 6.0);
             let rings: Vec<f64> = (0..=n).map(|i| row[i] * factor(&phi(i))).collect();
             &map * whole(&rings, own * factor(&phi(n)))
         };

@@ -32,10 +32,9 @@ pub use budget::Contribution;
 pub use options::{Constraint, Direction, DirectionKind, FitOptions};
 pub use result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
 
-use equations::Workspace;
 use geometry::Geometry;
 use physics::{Coefficients, ForwardModel, ProfilePoint, RadialProfile, TotalReflectance};
-use problem::{Data, Problem};
+use problem::{Data, Memory, Problem};
 use solve::Solution;
 
 /// Fits one channel.
@@ -71,7 +70,7 @@ pub fn fit(
         options,
         channel: &|| profile.channel.clone(),
     };
-    let (mut problem, solution, warning) = search(data, Workspace::default())?;
+    let (mut problem, solution, warning) = search(data, Memory::default())?;
     Ok(problem.conclude(&solution, warning))
 }
 
@@ -84,14 +83,14 @@ const SETTLED: f64 = 1e-6;
 /// there, are those of the solution itself.
 fn search(
     data: Data<'_>,
-    mut space: Workspace,
+    mut memory: Memory,
 ) -> Result<(Problem<'_>, Solution, Option<Warning>), FitError> {
     let options = data.options;
     let mut range = data.geometry.range_mm;
     let mut found: Option<Coefficients> = None;
     let mut rounds = 0;
     loop {
-        let mut problem = Problem::new(data, range, found, space)?;
+        let mut problem = Problem::new(data, range, found, memory)?;
         let solution = solve::solve(&mut problem);
         rounds += 1;
         let next = problem.coefficients(&solution);
@@ -117,6 +116,6 @@ fn search(
         } else {
             range = trusted;
         }
-        space = problem.space;
+        memory = problem.memory;
     }
 }

@@ -4,7 +4,7 @@ use crate::equations::{Terms, TotalRow, Workspace};
 use crate::geometry::Geometry;
 use crate::options::{Constraint, DirectionKind, FitOptions};
 use crate::range;
-use crate::result::{FitError, Termination};
+use crate::result::FitError;
 use crate::solve::Solution;
 use nalgebra::{Matrix2, Vector2};
 use physics::{Coefficients, ForwardModel, Gradient, RadialProfile, Rows, TotalReflectance};
@@ -106,6 +106,30 @@ pub(crate) struct Data<'a> {
     pub(crate) channel: &'a dyn Fn() -> String,
 }
 
+/// How many data, and how, an evaluation looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Level {
+    /// A few points that stand for all, each without its ring and its beam, and without the
+    /// directions but for the scale: good enough to find where the minimum is.
+    Coarse,
+    /// Everything.
+    Full,
+}
+
+/// Memory that fits reuse.
+#[derive(Debug, Default)]
+pub(crate) struct Memory {
+    pub(crate) full: Workspace,
+    coarse: Workspace,
+    /// Radii of the coarse data, mm.
+    coarse_mm: Vec<f64>,
+    /// Model values there.
+    coarse_values: Vec<f64>,
+}
+
+/// Points of the coarse data.
+const COARSE: usize = 24;
+
 /// One channel's data in one range beside one model.
 pub(crate) struct Problem<'a> {
     pub(crate) data: Data<'a>,
@@ -117,7 +141,7 @@ pub(crate) struct Problem<'a> {
     total: Option<TotalDatum>,
     /// ε of [`Point`], mm⁻¹.
     pub(crate) epsilon: f64,
-    pub(crate) space: Workspace,
+    pub(crate) memory: Memory,
 }
 
 /// Refuses what no search could make sense of.
@@ -232,7 +256,7 @@ impl<'a> Problem<'a> {
         data: Data<'a>,
         range: (f64, f64),
         found: Option<Coefficients>,
-        mut space: Workspace,
+        mut memory: Memory,
     ) -> Result<Self, FitError> {
         let Data {
             geometry, options, ..
@@ -252,6 +276,7 @@ impl<'a> Problem<'a> {
                 end_mm: range.1,
             });
         }
+        let space = &mut memory.full;
         space.resize(span.len());
         // Rings outside the total's circle share no pixel with it.
         let circle = data.total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
@@ -295,9 +320,10 @@ impl<'a> Problem<'a> {
             points,
             total,
             epsilon: 1.0 / reach,
-            space,
+            memory,
         };
         problem.add_directions(found);
+        problem.choose_coarse();
         Ok(problem)
     }
 
@@ -318,8 +344,8 @@ impl<'a> Problem<'a> {
         let of_kind = |kind| options.directions.iter().filter(move |d| d.kind == kind);
         let relative = own + of_kind(DirectionKind::Relative).count();
         let absolute = of_kind(DirectionKind::Absolute).count();
-        self.space.resize_directions(relative, absolute);
-        let rings = self.span.len();
+        self.memory.full.resize_directions(relative, absolute);
+        let (rings, stride) = (self.span.len(), self.memory.full.stride());
         if let Some(found) = found.filter(|_| own > 0) {
             let radii = &geometry.radii[self.span.clone()];
             let (mut columns, mut of_total) = (vec![0.0; own * rings], vec![0.0; own]);
@@ -328,17 +354,18 @@ impl<'a> Problem<'a> {
                 let radius = total.radius_max_mm.unwrap_or(f64::INFINITY);
                 model.discrepancy_within(found, radius, &mut of_total);
             }
-            let rows = self.space.relative.chunks_exact_mut(rings + 1);
+            let rows = self.memory.full.relative.chunks_exact_mut(stride);
             for ((row, column), total) in rows.zip(columns.chunks_exact(rings)).zip(of_total) {
                 row[..rings].copy_from_slice(column);
                 row[rings] = total;
             }
         }
-        let rows = self.space.relative.chunks_exact_mut(rings + 1).skip(own);
+        let rows = self.memory.full.relative.chunks_exact_mut(stride).skip(own);
         let rows = rows.zip(of_kind(DirectionKind::Relative)).chain(
-            self.space
+            self.memory
+                .full
                 .absolute
-                .chunks_exact_mut(rings + 1)
+                .chunks_exact_mut(stride)
                 .zip(of_kind(DirectionKind::Absolute)),
         );
         for (row, direction) in rows {
@@ -346,6 +373,56 @@ impl<'a> Problem<'a> {
                 *x = direction.profile[geometry.indices[i]];
             }
             row[rings] = direction.total;
+        }
+    }
+
+    /// From each of a few runs of neighbours the point that says most, with the weight of all.
+    fn choose_coarse(&mut self) {
+        let Memory {
+            full,
+            coarse,
+            coarse_mm,
+            coarse_values,
+        } = &mut self.memory;
+        let rings = self.span.len();
+        let count = COARSE.min(rings);
+        coarse.resize(count);
+        coarse.resize_directions(0, 0);
+        coarse_mm.clear();
+        coarse_values.resize(count, 0.0);
+        let radii = &self.data.geometry.radii[self.span.clone()];
+        for group in 0..count {
+            let rows = group * rings / count..(group + 1) * rings / count;
+            let says = |i: usize| full.weight[i] * full.datum[i] * full.datum[i];
+            let (mut best, mut all, mut weight) = (rows.start, 0.0, 0.0);
+            for i in rows {
+                if full.weight[i] > 0.0 && (full.weight[best] == 0.0 || says(i) > says(best)) {
+                    best = i;
+                }
+                all += says(i);
+                weight += full.weight[i];
+            }
+            coarse_mm.push(radii[best]);
+            coarse.datum[group] = full.datum[best];
+            // What the directions leave of it where they are independent at every point.
+            let ratio = if says(best) > 0.0 {
+                all / says(best)
+            } else {
+                1.0
+            };
+            let stride = full.stride();
+            let relative = full.relative.iter().skip(best).step_by(stride);
+            let absolute = full.absolute.iter().skip(best).step_by(stride);
+            let off = relative
+                .map(|x| x * full.datum[best])
+                .chain(absolute.copied());
+            let variance: f64 = off.map(|x| x * x).sum();
+            coarse.weight[group] = if full.weight[best] > 0.0 {
+                1.0 / (1.0 / (full.weight[best] * ratio).min(weight.max(full.weight[best]))
+                    + variance)
+            } else {
+                0.0
+            };
         }
     }
 
@@ -410,30 +487,47 @@ impl<'a> Problem<'a> {
         self.sensitivity(gradient, point)
     }
 
-    /// The model at every ring, into the workspace.
-    fn rings(&mut self, at: Coefficients) {
-        let rings = self.span.len();
+    /// The model at every ring of this level, into its workspace.
+    fn rings(&mut self, level: Level, at: Coefficients) {
+        let factor = self.data.options.entry_factor;
+        let (space, rings) = match level {
+            Level::Full => (&mut self.memory.full, self.span.len()),
+            Level::Coarse => (&mut self.memory.coarse, self.memory.coarse_mm.len()),
+        };
         let Workspace {
             nodes,
             value,
             in_sigma_a,
             in_sigma_s_prime,
             ..
-        } = &mut self.space;
+        } = space;
         let rows = Rows {
             value: &mut value[..rings],
             in_sigma_a: &mut in_sigma_a[..rings],
             in_sigma_s_prime: &mut in_sigma_s_prime[..rings],
         };
-        let factor = self.data.options.entry_factor;
-        let footprints = &self.data.geometry.footprints;
-        let span = self.span.clone();
-        footprints.reflectance_gradient(self.data.model, at, span, factor, nodes, rows);
+        let model = self.data.model;
+        match level {
+            Level::Full => {
+                let span = self.span.clone();
+                let footprints = &self.data.geometry.footprints;
+                footprints.reflectance_gradient(model, at, span, factor, nodes, rows);
+            }
+            Level::Coarse => {
+                nodes.resize(rings, Gradient::default());
+                model.diffuse_reflectance_gradient(at, &self.memory.coarse_mm, nodes);
+                rows.fill(nodes, factor);
+            }
+        }
     }
 
-    fn reduced(&mut self, point: Point, terms: &Terms) -> Normal {
-        self.rings(point.coefficients(self.epsilon));
-        let reduced = self.space.reduce(terms);
+    fn reduced(&mut self, level: Level, point: Point, terms: &Terms) -> Normal {
+        self.rings(level, point.coefficients(self.epsilon));
+        let space = match level {
+            Level::Full => &mut self.memory.full,
+            Level::Coarse => &mut self.memory.coarse,
+        };
+        let reduced = space.reduce(terms);
         let (in_a, in_s) = jacobian(point, self.epsilon);
         let jacobian = Matrix2::from_columns(&[in_a, in_s]).transpose();
         Normal {
@@ -444,15 +538,51 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// χ² of the coarse profile alone, without derivatives, at the known scale or at the best one.
+    pub(crate) fn coarse_chi2(&mut self, point: Point, best_scale: bool) -> f64 {
+        let at = point.coefficients(self.epsilon);
+        let factor = self.data.options.entry_factor;
+        let Memory {
+            coarse,
+            coarse_mm,
+            coarse_values,
+            ..
+        } = &mut self.memory;
+        self.data
+            .model
+            .diffuse_reflectance(at, coarse_mm, coarse_values);
+        let rows = || {
+            let rows = coarse.weight.iter().zip(&coarse.datum).zip(&*coarse_values);
+            rows.map(|((&w, &d), &v)| (w, d, v * factor))
+        };
+        let scale = if best_scale {
+            let u_scale = self.data.options.u_scale_relative;
+            let (mut up, mut down) = (0.0, u_scale.powi(-2));
+            for (w, d, v) in rows() {
+                up += w * v * (d - v);
+                down += w * v * v;
+            }
+            if down > 0.0 { 1.0 + up / down } else { 1.0 }
+        } else {
+            1.0
+        };
+        rows().map(|(w, d, v)| w * (d - scale * v).powi(2)).sum()
+    }
+
     /// χ² of the profile alone along the constraint, where τ depends on λ with slope `tau_slope`,
     /// with half its gradient and half its Gauss-Newton curvature in λ. The scale is taken as
     /// known; the other nuisances stay.
-    pub(crate) fn along_constraint(&mut self, point: Point, tau_slope: f64) -> (f64, f64, f64) {
+    pub(crate) fn along_constraint(
+        &mut self,
+        level: Level,
+        point: Point,
+        tau_slope: f64,
+    ) -> (f64, f64, f64) {
         let terms = Terms {
             total: None,
             scale_precision: None,
         };
-        let normal = self.reduced(point, &terms);
+        let normal = self.reduced(level, point, &terms);
         let along = Vector2::new(tau_slope, 1.0);
         (
             normal.chi2,
@@ -462,50 +592,41 @@ impl<'a> Problem<'a> {
     }
 
     /// χ² of profile, total and priors, with every nuisance at its optimum.
-    pub(crate) fn normal(&mut self, point: Point) -> Normal {
-        let total = self
-            .total
-            .filter(|t| t.weight.is_finite())
-            .map(|t| TotalRow {
-                model: self
-                    .data
-                    .model
-                    .within(point.coefficients(self.epsilon), self.circle())
-                    * self.data.options.entry_factor,
+    pub(crate) fn normal(&mut self, level: Level, point: Point) -> Normal {
+        let Data {
+            model,
+            options,
+            total: measured,
+            ..
+        } = self.data;
+        let datum = match level {
+            Level::Full => self.total,
+            // The rings are not there to be taken away.
+            Level::Coarse => measured.map(|t| TotalDatum {
+                value: t.total,
+                weight: t.u.powi(-2),
+                remainder: false,
+            }),
+        };
+        let total = datum.filter(|t| t.weight.is_finite()).map(|t| {
+            let enclosed = model.within(point.coefficients(self.epsilon), self.circle());
+            TotalRow {
+                model: enclosed * options.entry_factor,
                 value: t.value,
                 weight: t.weight,
                 remainder: t.remainder,
-            });
-        let u_scale = self.data.options.u_scale_relative;
+            }
+        });
+        let u_scale = options.u_scale_relative;
         let terms = Terms {
             total,
             scale_precision: (u_scale > 0.0).then(|| u_scale.powi(-2)),
         };
-        self.reduced(point, &terms)
+        self.reduced(level, point, &terms)
     }
 
     /// σₐ and σₛ′ of a solution.
     pub(crate) fn coefficients(&self, solution: &Solution) -> Coefficients {
         solution.point.coefficients(self.epsilon)
-    }
-
-    /// Covariance of (τ, λ).
-    pub(crate) fn covariance(&mut self, solution: &Solution) -> Matrix2<f64> {
-        let &Solution {
-            point,
-            tau_slope,
-            termination,
-            ..
-        } = solution;
-        let exact = self.data.options.constraint == Constraint::Exact;
-        if exact && termination != Termination::AtBound {
-            let (_, _, curvature) = self.along_constraint(point, tau_slope);
-            let along = Vector2::new(tau_slope, 1.0);
-            return along * along.transpose() / curvature;
-        }
-        let hessian = self.normal(point).hessian;
-        hessian
-            .try_inverse()
-            .unwrap_or_else(|| Matrix2::from_diagonal_element(f64::INFINITY))
     }
 }

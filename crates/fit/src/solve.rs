@@ -1,7 +1,7 @@
 //! The search: a scan that cannot miss, then safeguarded Gauss-Newton steps.
 
 use crate::options::Constraint;
-use crate::problem::{Normal, Point, Problem};
+use crate::problem::{Level, Normal, Point, Problem};
 use crate::result::Termination;
 use nalgebra::{Matrix2, Vector2};
 
@@ -9,8 +9,13 @@ use nalgebra::{Matrix2, Vector2};
 const SCAN: usize = 17;
 /// Points of the scan in absorption where no total ties it to λ.
 const SCAN_ABSORPTION: usize = 16;
-/// Change of λ, or relative change of τ, below which a search has converged.
-const CLOSE: f64 = 1e-11;
+/// A step of λ, or relative step of τ, that ends a search. The steps shrink at least tenfold each
+/// time, unless the data contradict the model by as much as they say: the last is taken unseen.
+const CLOSE: f64 = 1e-9;
+/// The same on the coarse data, which only tell where to begin.
+const CLOSE_COARSE: f64 = 1e-3;
+/// Places that are followed to the end on all data.
+const FOLLOWED: usize = 4;
 
 /// Where a search ended.
 #[derive(Clone, Copy, Debug)]
@@ -46,25 +51,53 @@ struct Start {
 }
 
 /// Solves `problem` under its constraint. Needs no start.
+///
+/// The scan and its refinement look at a few points that stand for all; what they find is then
+/// followed on everything.
 pub(crate) fn solve(problem: &mut Problem) -> Solution {
+    let options = problem.data.options;
     let mut budget = Budget {
         used: 0,
-        limit: problem.data.options.max_evaluations,
+        limit: options.max_evaluations,
     };
-    let starts = match problem.data.options.constraint {
-        Constraint::Exact | Constraint::Joint => scan_constraint(problem, &mut budget),
-        Constraint::None => scan_plane(problem, &mut budget),
+    // Without a scale the total says nothing about where to look.
+    let tied = options.constraint != Constraint::None && options.u_scale_relative.is_finite();
+    let mut starts = if tied {
+        scan_constraint(problem, &mut budget)
+    } else {
+        scan_plane(problem, &mut budget)
     };
-    let mut best: Option<Solution> = None;
-    for start in &starts {
-        let solution = match problem.data.options.constraint {
-            Constraint::Exact => along_constraint(problem, start, &mut budget),
-            Constraint::Joint => {
-                // What the hard constraint gives is a start that is never far.
-                let exact = along_constraint(problem, start, &mut budget);
-                descend(problem, exact.point, &mut budget)
+    for start in &mut starts {
+        let refined = match options.constraint {
+            Constraint::Exact => along_constraint(problem, Level::Coarse, start, &mut budget),
+            Constraint::Joint if tied => {
+                let exact = along_constraint(problem, Level::Coarse, start, &mut budget);
+                descend(problem, Level::Coarse, exact.point, &mut budget)
             }
-            Constraint::None => descend(problem, start.point, &mut budget),
+            _ => descend(problem, Level::Coarse, start.point, &mut budget),
+        };
+        (start.point, start.chi2) = (refined.point, refined.chi2);
+    }
+    starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    // What the coarse data rule out by far needs no second look, nor what they find twice.
+    let ruled_out = 3.0 * starts.first().map_or(0.0, |s| s.chi2) + 20.0 * problem.points as f64;
+    let mut best: Option<Solution> = None;
+    let mut followed: [Option<Point>; FOLLOWED] = [None; FOLLOWED];
+    let mut count = 0;
+    for start in &starts {
+        let twin = |p: &Point| {
+            (p.lambda - start.point.lambda).abs() < 0.02
+                && (p.tau - start.point.tau).abs() < 0.02 * (p.tau + problem.epsilon)
+        };
+        let seen = followed.iter().flatten().any(twin);
+        if best.is_some() && (seen || start.chi2 > ruled_out) || count == FOLLOWED {
+            continue;
+        }
+        followed[count] = Some(start.point);
+        count += 1;
+        let solution = match options.constraint {
+            Constraint::Exact => along_constraint(problem, Level::Full, start, &mut budget),
+            _ => descend(problem, Level::Full, start.point, &mut budget),
         };
         if best.is_none_or(|b| solution.chi2 < b.chi2) {
             best = Some(solution);
@@ -80,39 +113,52 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
 /// The point of this λ at which the model's total is the measured one, and dτ/dλ along it.
 ///
 /// The total falls with absorption, so a bracket always holds the root; where even a medium
-/// without any returns too little, τ stays at its bound.
-fn on_constraint(problem: &Problem, lambda: f64) -> (Point, f64) {
-    let (mut low, mut high) = problem.tau_bounds(lambda);
+/// without any returns too little, τ stays at its bound. It begins at the σₜᵣ/σₜ′ of `near`, which
+/// on the whole plane is the root itself, since there the total depends on α′ alone.
+fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point, f64) {
+    let (bound, mut high) = problem.tau_bounds(lambda);
+    let mut low = bound;
     let at = |tau| Point { tau, lambda };
     let Some(total) = problem.exact_total() else {
         return (at(low), 0.0);
     };
-    if problem.enclosed(at(low)).value <= total {
-        return (at(low), 0.0);
-    }
-    let mut tau = low + (1.0 - total).clamp(0.0, 1.0) * (high - low);
+    let guess = match near {
+        Some(near) => {
+            let sigma_tr = near.sigma_tr(problem.epsilon) * (lambda - near.lambda).exp();
+            sigma_tr.hypot(problem.epsilon) - problem.epsilon
+        }
+        None => low + (1.0 - total).clamp(0.0, 1.0) * (high - low),
+    };
+    let mut tau = guess.clamp(low, high);
+    let mut slope = 0.0;
     for _ in 0..100 {
         let model = problem.enclosed(at(tau));
+        slope = -model.in_lambda / model.in_tau;
         let excess = model.value - total;
         if excess > 0.0 {
             low = tau;
+        } else if tau <= bound {
+            return (at(bound), 0.0);
         } else {
             high = tau;
         }
         let newton = tau - excess / model.in_tau;
+        if newton <= bound && low == bound && problem.enclosed(at(bound)).value <= total {
+            return (at(bound), 0.0);
+        }
         let next = if newton > low && newton < high {
             newton
         } else {
             0.5 * (low + high)
         };
-        let done = (next - tau).abs() <= 1e-15 * tau;
+        let step = (next - tau).abs();
         tau = next;
-        if done || high - low <= 1e-15 * tau {
+        // Newton's next step would be of the order of this one's square.
+        if step <= 1e-9 * tau || high - low <= 1e-15 * tau {
             break;
         }
     }
-    let model = problem.enclosed(at(tau));
-    (at(tau), -model.in_lambda / model.in_tau)
+    (at(tau), slope)
 }
 
 /// The smallest λ between the bounds at which a medium without absorption returns `total`: a
@@ -129,7 +175,8 @@ fn least_lambda(problem: &Problem, total: f64) -> Option<f64> {
     if returns(low) {
         return Some(low);
     }
-    for _ in 0..60 {
+    // To a millionth of the range: it only separates two stretches of the scan.
+    for _ in 0..20 {
         let middle = 0.5 * (low + high);
         if returns(middle) {
             high = middle;
@@ -161,14 +208,13 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
         );
         lambdas.sort_by(f64::total_cmp);
     }
-    let scanned: Vec<(Point, f64)> = lambdas
-        .iter()
-        .map(|&lambda| {
-            budget.spend();
-            let (point, slope) = on_constraint(problem, lambda);
-            (point, problem.along_constraint(point, slope).0)
-        })
-        .collect();
+    let mut scanned: Vec<(Point, f64)> = Vec::with_capacity(lambdas.len());
+    for &lambda in &lambdas {
+        budget.spend();
+        let near = scanned.last().map(|s| s.0);
+        let (point, _) = on_constraint(problem, lambda, near);
+        scanned.push((point, problem.coarse_chi2(point, false)));
+    }
     let last = scanned.len() - 1;
     let mut starts: Vec<Start> = (0..=last)
         .filter(|&i| {
@@ -176,7 +222,8 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
             (i == 0 || chi2 <= scanned[i - 1].1) && (i == last || chi2 <= scanned[i + 1].1)
         })
         .flat_map(|i| {
-            let (below, above) = (lambdas[i.saturating_sub(1)], lambdas[(i + 1).min(last)]);
+            // One step more than the coarse minimum lies between, since all data may shift it.
+            let (below, above) = (lambdas[i.saturating_sub(2)], lambdas[(i + 2).min(last)]);
             let (point, chi2) = scanned[i];
             let start = |low: f64, high: f64, lambda: f64| Start {
                 point: Point { lambda, ..point },
@@ -188,8 +235,16 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
                 // χ² may have a minimum on either side.
                 let middle = |a: f64, b: f64| 0.5 * (a + b);
                 vec![
-                    start(below, lambdas[i], middle(below, lambdas[i])),
-                    start(lambdas[i], above, middle(lambdas[i], above)),
+                    start(
+                        below,
+                        lambdas[i],
+                        middle(lambdas[i.saturating_sub(1)], lambdas[i]),
+                    ),
+                    start(
+                        lambdas[i],
+                        above,
+                        middle(lambdas[i], lambdas[(i + 1).min(last)]),
+                    ),
                 ]
             } else {
                 vec![start(below, above, lambdas[i])]
@@ -197,46 +252,55 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
         })
         .collect();
     starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    starts.truncate(4);
+    starts.truncate(FOLLOWED);
     starts
 }
 
 /// The best absorption at every λ of a scan over both coordinates, best first.
 fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     let (low, high) = problem.lambda_bounds();
-    let mut starts: Vec<Start> = (0..SCAN)
-        .filter_map(|i| {
-            let lambda = low + (high - low) * i as f64 / (SCAN - 1) as f64;
-            (1..=SCAN_ABSORPTION)
-                .map(|j| {
-                    // σₜᵣ/σₜ′ from 0.002 to 1.72, denser toward 0: α′ from 0.999999 to 0.01.
-                    let k = 1.72 * (j as f64 / SCAN_ABSORPTION as f64).powf(2.5);
-                    let tau = (k * lambda.exp()).hypot(problem.epsilon) - problem.epsilon;
-                    let point = Point { tau, lambda };
-                    budget.spend();
-                    Start {
-                        point,
-                        low,
-                        high,
-                        chi2: problem.normal(point).chi2,
-                    }
-                })
-                .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
-        })
-        .collect();
+    let best_scale = problem.data.options.u_scale_relative > 0.0;
+    let mut starts: Vec<Start> = Vec::with_capacity(SCAN);
+    for i in 0..SCAN {
+        let lambda = low + (high - low) * i as f64 / (SCAN - 1) as f64;
+        let mut best: Option<Start> = None;
+        for j in 1..=SCAN_ABSORPTION {
+            // σₜᵣ/σₜ′ from 0.002 to 1.72, denser toward 0: α′ from 0.999999 to 0.01.
+            let k = 1.72 * (j as f64 / SCAN_ABSORPTION as f64).powf(2.5);
+            let tau = (k * lambda.exp()).hypot(problem.epsilon) - problem.epsilon;
+            let point = Point { tau, lambda };
+            budget.spend();
+            let chi2 = problem.coarse_chi2(point, best_scale);
+            if best.is_none_or(|b| chi2 < b.chi2) {
+                best = Some(Start {
+                    point,
+                    low,
+                    high,
+                    chi2,
+                });
+            }
+        }
+        starts.extend(best);
+    }
     starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     starts.truncate(8);
     starts
 }
 
 /// The minimum along the constraint: the zero of the gradient in λ inside the bracket.
-fn along_constraint(problem: &mut Problem, start: &Start, budget: &mut Budget) -> Solution {
+fn along_constraint(
+    problem: &mut Problem,
+    level: Level,
+    start: &Start,
+    budget: &mut Budget,
+) -> Solution {
+    let close = close(level);
     let (mut low, mut high, mut lambda) = (start.low, start.high, start.point.lambda);
     let mut termination = Termination::OutOfEvaluations;
-    let (mut point, mut tau_slope, mut chi2) = (start.point, 0.0, start.chi2);
+    let (mut point, mut tau_slope) = on_constraint(problem, lambda, Some(start.point));
+    let mut chi2 = start.chi2;
     while budget.spend() {
-        (point, tau_slope) = on_constraint(problem, lambda);
-        let (value, gradient, curvature) = problem.along_constraint(point, tau_slope);
+        let (value, gradient, curvature) = problem.along_constraint(level, point, tau_slope);
         chi2 = value;
         if gradient > 0.0 {
             high = lambda;
@@ -249,11 +313,13 @@ fn along_constraint(problem: &mut Problem, start: &Start, budget: &mut Budget) -
         } else {
             0.5 * (low + high)
         };
-        if (next - lambda).abs() <= CLOSE || high - low <= CLOSE || gradient == 0.0 {
+        let step = (next - lambda).abs();
+        lambda = next;
+        (point, tau_slope) = on_constraint(problem, lambda, Some(point));
+        if step <= close || high - low <= close || gradient == 0.0 {
             termination = Termination::Converged;
             break;
         }
-        lambda = next;
     }
     if point.tau <= problem.tau_bounds(lambda).0 && termination == Termination::Converged {
         termination = Termination::AtBound;
@@ -267,11 +333,19 @@ fn along_constraint(problem: &mut Problem, start: &Start, budget: &mut Budget) -
     }
 }
 
+fn close(level: Level) -> f64 {
+    match level {
+        Level::Coarse => CLOSE_COARSE,
+        Level::Full => CLOSE,
+    }
+}
+
 /// Levenberg-Marquardt in (τ, λ) from one start, τ held inside its bounds.
-fn descend(problem: &mut Problem, start: Point, budget: &mut Budget) -> Solution {
+fn descend(problem: &mut Problem, level: Level, start: Point, budget: &mut Budget) -> Solution {
+    let close = close(level);
     let (lambda_low, lambda_high) = problem.lambda_bounds();
     let mut at = start;
-    let mut normal = problem.normal(at);
+    let mut normal = problem.normal(level, at);
     let mut damping = 1e-4;
     let mut termination = Termination::OutOfEvaluations;
     while budget.spend() {
@@ -290,29 +364,31 @@ fn descend(problem: &mut Problem, start: Point, budget: &mut Budget) -> Solution
             tau: (at.tau + step.x).clamp(lowest, highest),
             lambda,
         };
-        let trial = problem.normal(next);
-        let small = (next.lambda - at.lambda).abs() <= CLOSE
-            && (next.tau - at.tau).abs() <= CLOSE * (at.tau + problem.epsilon);
+        let small = (next.lambda - at.lambda).abs() <= close
+            && (next.tau - at.tau).abs() <= close * (at.tau + problem.epsilon);
+        if small || damping > 1e12 {
+            if damping < 1e-2 {
+                at = next;
+            }
+            termination = Termination::Converged;
+            break;
+        }
+        let trial = problem.normal(level, next);
         if trial.chi2 <= normal.chi2 {
             (at, normal) = (next, trial);
             damping = (damping * 0.1).max(1e-15);
         } else {
             damping *= 10.0;
         }
-        if small || damping > 1e12 {
-            termination = Termination::Converged;
-            break;
-        }
     }
     if at.tau <= problem.tau_bounds(at.lambda).0 && termination == Termination::Converged {
         termination = Termination::AtBound;
     }
-    let evaluations = budget.used;
     Solution {
         point: at,
         tau_slope: 0.0,
         chi2: normal.chi2,
-        evaluations,
+        evaluations: budget.used,
         termination,
     }
 }

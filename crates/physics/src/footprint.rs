@@ -189,28 +189,23 @@ impl Footprints {
         scratch: &mut Vec<Gradient>,
         rows: Rows,
     ) {
-        let Rows {
-            value,
-            in_sigma_a,
-            in_sigma_s_prime,
-        } = rows;
-        debug_assert_eq!(value.len(), which.len());
+        debug_assert_eq!(rows.value.len(), which.len());
         let end = |i: usize| if i == 0 { 0 } else { self.ends[i - 1] };
         let (first, last) = (end(which.start), end(which.end));
         scratch.resize(last - first, Gradient::default());
         model.diffuse_reflectance_gradient(at, &self.radii[first..last], scratch);
         let weights = &self.weights[first..last];
-        let out = value.iter_mut().zip(in_sigma_a).zip(in_sigma_s_prime);
         if last - first == which.len() {
-            // One radius a datum: nothing to average, but for rounding of the only weight.
-            for (((v, a), s), (gradient, weight)) in out.zip(scratch.iter().zip(weights)) {
-                let weight = weight * factor;
-                *v = weight * gradient.value;
-                *a = weight * gradient.in_sigma_a;
-                *s = weight * gradient.in_sigma_s_prime;
-            }
+            // One radius a datum, of weight 1: nothing to average.
+            rows.fill(scratch, factor);
             return;
         }
+        let Rows {
+            value,
+            in_sigma_a,
+            in_sigma_s_prime,
+        } = rows;
+        let out = value.iter_mut().zip(in_sigma_a).zip(in_sigma_s_prime);
         let mut start = 0;
         for (((v, a), s), &end) in out.zip(&self.ends[which]) {
             let nodes = start..end - first;
@@ -235,6 +230,18 @@ pub struct Rows<'a> {
     pub in_sigma_a: &'a mut [f64],
     /// ∂/∂σₛ′.
     pub in_sigma_s_prime: &'a mut [f64],
+}
+
+impl Rows<'_> {
+    /// `gradients` times `factor`.
+    pub fn fill(self, gradients: &[Gradient], factor: f64) {
+        let out = self.value.iter_mut().zip(self.in_sigma_a);
+        for (((v, a), s), gradient) in out.zip(self.in_sigma_s_prime).zip(gradients) {
+            *v = factor * gradient.value;
+            *a = factor * gradient.in_sigma_a;
+            *s = factor * gradient.in_sigma_s_prime;
+        }
+    }
 }
 
 /// A Gauss rule for the distance from the centre of a point drawn from `ring` (radii and
