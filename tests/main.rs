@@ -8,5 +8,6 @@
 mod camera;
 mod floors;
 mod layers;
+mod mosaic;
 mod recovery;
 mod transport;

@@ -13,7 +13,7 @@ pub use draft::{Draft, DraftFrame};
 pub use frames::{Frames, WrittenFrame};
 
 use crate::metadata::TimeUnit;
-use physics::ReducedMedium;
+use physics::{Mosaic, ReducedMedium};
 use serde::{Deserialize, Serialize};
 
 /// Standard uncertainty of a relative index that is given without one.
@@ -121,6 +121,9 @@ pub struct Camera {
     pub prnu_relative: f64,
     /// The response; linear where absent, but 8-bit frames want it stated.
     pub response: Option<Response>,
+    /// Pattern of the colour filter array, row by row from the first pixel, where gray files are
+    /// mosaics and do not say so themselves; `RGGB` and the like, or the 36 letters of X-Trans.
+    pub mosaic: Option<Mosaic>,
     /// Unit of the exposure times in FITS headers that give a number and no unit.
     pub fits_exposure_unit: Option<TimeUnit>,
 }

@@ -18,6 +18,9 @@ use thiserror::Error;
 const UNIT: &str = "beamspot.unit";
 /// Attribute with the names of the channels in the order of the camera.
 const CHANNELS: &str = "beamspot.channels";
+/// Attribute with the pattern of a mosaic, row by row, as in `RGGB`: the file then has one layer
+/// `mosaic` with its `.variance`, and its channels are R, G and B.
+const MOSAIC: &str = "beamspot.mosaic";
 /// Attribute with the length that a pixel sees, mm.
 const MM_PER_PIXEL: &str = "beamspot.mm_per_pixel";
 /// Followed by a channel's name: attribute with the uncertainty of its scale.
@@ -125,7 +128,7 @@ pub enum ExrError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use physics::ChannelMap;
+    use physics::{ChannelMap, Mosaic};
     use proptest::prelude::*;
 
     pub(super) fn sample() -> RadianceFile {
@@ -143,6 +146,7 @@ mod tests {
                 width: 3,
                 height: 2,
                 channels: vec![channel("R", 0.3), channel("G", -1e-9), channel("B", 7.0)],
+                mosaic: None,
             },
             mm_per_pixel: Some(1.0 / 3.0),
             scale: vec![scale("R"), scale("G"), scale("B")],
@@ -176,6 +180,26 @@ mod tests {
             ..file
         };
         assert_eq!(read_radiance(&bytes(&bare)).unwrap(), bare);
+    }
+
+    #[test]
+    fn a_mosaic_is_one_plane_with_its_pattern() {
+        let mut file = sample();
+        file.map.channels.truncate(1);
+        file.map.channels[0].name = Mosaic::PLANE.to_owned();
+        file.map.mosaic = Some("GBRG".parse().unwrap());
+        let whole = bytes(&file);
+        assert_eq!(read_radiance(&whole).unwrap(), file);
+        let at = whole.windows(4).position(|w| w == b"GBRG").unwrap();
+        let mut damaged = whole.clone();
+        damaged[at] = b'X';
+        let error = read_radiance(&damaged).unwrap_err().to_string();
+        assert!(
+            error.contains("`beamspot.mosaic`: expected a pattern"),
+            "{error}"
+        );
+        file.map.channels.push(file.map.channels[0].clone());
+        assert!(write_radiance(&file, Vec::new()).is_err());
     }
 
     #[test]

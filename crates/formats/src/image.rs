@@ -10,11 +10,12 @@ mod icc;
 mod png;
 mod pnm;
 mod tiff;
+mod undeveloped;
 
 pub use self::png::encode_png;
 pub use self::tiff::encode_tiff;
 
-use physics::{Frame, Samples};
+use physics::{Frame, Mosaic, Samples};
 use thiserror::Error;
 
 /// How a file stores its samples.
@@ -42,6 +43,11 @@ pub struct Decoded {
     pub frame: Frame,
     /// How its samples were stored.
     pub depth: Depth,
+    /// Which colour each sample is of, where the file says that it is the mosaic of a colour
+    /// filter array; the frame then has one channel.
+    pub mosaic: Option<Mosaic>,
+    /// Count at and above which the file says that samples are saturated.
+    pub white_level_dn: Option<f64>,
     /// Whether the file declares a transfer curve that is no straight line (sRGB, a gamma, an ICC profile).
     pub curve: bool,
 }
@@ -77,13 +83,13 @@ pub enum ImageError {
     UnknownFormat(Vec<u8>),
     /// A camera's own RAW format.
     #[error(
-        "camera RAW ({0}) is not read: develop it linearly to 16-bit TIFF first, without white \
-         balance or demosaicing of more than its own channel"
+        "camera RAW ({0}): build beamspot with `--features raw` to read it, or convert the file to \
+         uncompressed DNG, which keeps its counts as they are"
     )]
     CameraRaw(&'static str),
     /// Samples of a width that no camera gives.
     #[error(
-        "found {0} bits per sample, expected 8, 12 (packed, uncompressed TIFF), 16, or 32 in \
+        "found {0} bits per sample, expected 8, 16, 10, 12 or 14 (packed, uncompressed TIFF), or 32 in \
          floating point: save the frames from the camera as 16-bit gray or RGB"
     )]
     Depth(u32),
@@ -215,11 +221,19 @@ pub enum Oddity {
         "the file is a cube of several planes and does not say that they are colours (CTYPE3 = 'RGB'); expected one frame a file, each with its exposure time: split it"
     )]
     Cube,
-    /// A Bayer mosaic.
+    /// A mosaic of other colours or in another arrangement.
     #[error(
-        "the file is the mosaic of a colour filter array; expected gray or RGB: separate its channels first, each photosite to its own channel, without interpolation"
+        "the file is the mosaic of a colour filter array whose pattern is missing, or is no square of R, G and B: state it in the manifest, `mosaic = \"RGGB\"` under `[camera]`, and give gray files"
     )]
-    Mosaic,
+    Pattern,
+    /// Rows of a FITS mosaic in an order that leaves its pattern open.
+    #[error(
+        "BAYERPAT stands beside ROWORDER = BOTTOM-UP, so that it may begin at either end: state the pattern of the first two rows in the file in the manifest, `mosaic = \"RGGB\"` under `[camera]`, and remove BAYERPAT"
+    )]
+    RowOrder,
+    /// The part that light falls on does not lie inside the picture.
+    #[error("ActiveArea lies outside of the picture: the file is damaged")]
+    ActiveArea,
     /// A FITS file whose picture is not its first part.
     #[error(
         "the picture stands in an extension of the file; expected it in the first part: copy the extension to a file of its own"
@@ -230,11 +244,11 @@ pub enum Oddity {
     CompressedFits,
     /// Packed 12-bit samples behind another coder.
     #[error(
-        "packed 12-bit samples are compressed; expected them as they are: save the file without compression"
+        "packed samples are compressed; expected them as they are: save the file without compression"
     )]
     CompressedPacked,
     /// Packed 12-bit samples in tiles.
-    #[error("packed 12-bit samples stand in tiles; expected strips: save the file in strips")]
+    #[error("packed samples stand in tiles; expected strips: save the file in strips")]
     PackedTiles,
     /// A picture that `beamspot hdr` or another merge made.
     #[error(
@@ -266,9 +280,9 @@ pub enum Oddity {
         "PhotometricInterpretation is {0}; expected 1 (black is zero) or 2 (RGB): save the file as gray or RGB, without conversion of its colours"
     )]
     Photometric(u16),
-    /// A colour filter array or linear RAW.
+    /// An unknown kind of pixel.
     #[error(
-        "the file holds undeveloped RAW or an unknown kind of pixel; expected gray or RGB: develop it linearly to 16-bit TIFF first"
+        "the file holds an unknown kind of pixel; expected gray, RGB or the mosaic of a colour filter array"
     )]
     Raw,
     /// Signed or floating-point samples.

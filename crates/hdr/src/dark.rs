@@ -98,25 +98,6 @@ impl DarkFrame {
     }
 }
 
-/// Index of the exposure among `dark_exposures_s` that serves a frame of `exposure_s`: the
-/// nearest one, which must agree within 1 %.
-///
-/// # Errors
-///
-/// [`MergeError::NoDark`] names the nearest one where none agrees.
-pub fn matching_dark(exposure_s: f64, dark_exposures_s: &[f64]) -> Result<usize, MergeError> {
-    let nearest = (0..dark_exposures_s.len()).min_by(|a, b| {
-        let distance = |i: &usize| (dark_exposures_s[*i] - exposure_s).abs();
-        distance(a).total_cmp(&distance(b))
-    });
-    nearest
-        .filter(|i| same_exposure(dark_exposures_s[*i], exposure_s))
-        .ok_or(MergeError::NoDark {
-            exposure_s,
-            nearest_s: nearest.map(|i| dark_exposures_s[i]),
-        })
-}
-
 fn same_exposure(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME_EXPOSURE * b
 }
@@ -160,23 +141,6 @@ pub(crate) fn check_exposure(exposure_s: f64) -> Result<(), MergeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_nearest_dark_must_agree() {
-        assert_eq!(matching_dark(0.5, &[0.25, 0.501, 1.0]), Ok(1));
-        assert_eq!(
-            matching_dark(0.5, &[0.25, 1.0]),
-            Err(MergeError::NoDark {
-                exposure_s: 0.5,
-                nearest_s: Some(0.25)
-            })
-        );
-        let none = matching_dark(0.5, &[]).unwrap_err();
-        assert_eq!(
-            none.to_string(),
-            "no dark frame for the exposure of 0.5 s: take one with the beam blocked"
-        );
-    }
 
     #[test]
     fn darks_add_up() {

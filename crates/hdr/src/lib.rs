@@ -14,6 +14,7 @@
 //! | [`dark`] | [`DarkFrame`]: what the sensor shows without light |
 //! | [`merge`] | [`Merge`]: the sum over exposures, and its [`MergeReport`] |
 //! | [`estimate`] | gain, read noise, black and white level from the frames themselves |
+//! | [`mosaic`] | a colour filter array, merged photosite by photosite |
 //! | [`overlap`] | what frames say of each other: measured exposures, shifts |
 //! | [`response`] | the curve of a camera that gives 8 bits |
 //! | [`error`] | [`MergeError`], [`EstimateError`] |
@@ -23,11 +24,12 @@ pub mod error;
 pub mod estimate;
 mod hot;
 pub mod merge;
+pub mod mosaic;
 mod net;
 pub mod overlap;
 pub mod response;
 
-pub use dark::{DarkFrame, matching_dark};
+pub use dark::DarkFrame;
 pub use error::{EstimateError, MergeError};
 pub use merge::{ChannelReport, FrameReport, Merge, MergeReport};
 pub use overlap::{Comparison, Overlap};

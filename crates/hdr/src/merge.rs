@@ -354,6 +354,7 @@ impl Merge {
                 width,
                 height,
                 channels: maps,
+                mosaic: None,
             },
             MergeReport {
                 frames,

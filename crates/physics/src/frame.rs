@@ -9,7 +9,8 @@ pub struct Frame {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Interleaved channels: 1 (Y) or 3 (R, G, B).
+    /// Interleaved channels: 1 (Y), 3 (R, G, B), or 4, 16 or 36 (the photosites of a cell,
+    /// [`crate::Mosaic::folded`]).
     pub channels: usize,
     /// Data numbers, `width`·`height`·`channels` of them, row by row.
     pub samples: Samples,
@@ -77,10 +78,24 @@ impl From<Vec<u16>> for Samples {
     }
 }
 
-/// Names of the channels of a frame with `count` of them: `Y`, or `R`, `G`, `B`.
+/// Names of the channels of a frame with `count` of them: `Y`, or `R`, `G`, `B`, or the photosites
+/// of a [`crate::Mosaic`]'s cell.
 pub fn channel_names(count: usize) -> &'static [&'static str] {
-    if count == 1 { &["Y"] } else { &["R", "G", "B"] }
+    match count {
+        1 => &["Y"],
+        4 | 16 | 36 => &PHOTOSITES[..count],
+        _ => &["R", "G", "B"],
+    }
 }
+
+/// The photosites of a cell, row by row.
+const PHOTOSITES: [&str; 36] = [
+    "site 1", "site 2", "site 3", "site 4", "site 5", "site 6", "site 7", "site 8", "site 9",
+    "site 10", "site 11", "site 12", "site 13", "site 14", "site 15", "site 16", "site 17",
+    "site 18", "site 19", "site 20", "site 21", "site 22", "site 23", "site 24", "site 25",
+    "site 26", "site 27", "site 28", "site 29", "site 30", "site 31", "site 32", "site 33",
+    "site 34", "site 35", "site 36",
+];
 
 /// How a linear sensor turns electrons into data numbers (DN).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -19,6 +19,7 @@
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
 //! | [`footprint`] | what one datum of a profile averages over: ring, beam and pixel |
 //! | [`frame`] | [`Frame`] and [`Sensor`]: one exposure, and the sensor behind it |
+//! | [`mosaic`] | [`Mosaic`]: which colour each photosite of a sensor sees |
 //! | [`radiance`] | [`RadianceMap`]: a picture with a variance |
 //! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
 //! | [`material`] | [`Material`]: one row of a table |
@@ -37,6 +38,7 @@ pub mod layered;
 pub mod material;
 pub mod medium;
 pub mod model;
+pub mod mosaic;
 pub mod phase;
 pub mod profile;
 pub mod radiance;
@@ -53,6 +55,7 @@ pub use layered::{Layer, LayeredMedium};
 pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
 pub use model::{ForwardModel, Gradient, Trust};
+pub use mosaic::Mosaic;
 pub use phase::{HenyeyGreenstein, Phase, PhaseFunction, PhaseMixture, TabulatedPhase};
 pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
 pub use radiance::{ChannelMap, RadianceMap};

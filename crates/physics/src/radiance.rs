@@ -1,5 +1,8 @@
 //! A picture whose every pixel has a variance.
 
+use crate::mosaic::{COLOURS, Mosaic};
+use std::borrow::Cow;
+
 /// One channel of a [`RadianceMap`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelMap {
@@ -8,7 +11,7 @@ pub struct ChannelMap {
     /// Value of each pixel, row by row; may be negative where noise outweighs light.
     pub value: Vec<f32>,
     /// Variance of each value, in the square of its unit; infinite where no frame measured the
-    /// pixel, whose value is then 0.
+    /// pixel, whose value is then 0, or NaN where it is a photosite of another colour.
     pub variance: Vec<f32>,
 }
 
@@ -21,29 +24,79 @@ pub struct RadianceMap {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// The channels, in the order of the camera.
+    /// The channels, in the order of the camera; of a mosaic the one plane that holds all its
+    /// colours, [`Mosaic::PLANE`].
     pub channels: Vec<ChannelMap>,
-}
-
-impl ChannelMap {
-    /// The same picture with every value times `factor`, and the variances to match.
-    pub fn scaled(&self, factor: f64) -> Self {
-        let square = (factor * factor) as f32;
-        Self {
-            name: self.name.clone(),
-            value: self
-                .value
-                .iter()
-                .map(|v| (f64::from(*v) * factor) as f32)
-                .collect(),
-            variance: self.variance.iter().map(|v| v * square).collect(),
-        }
-    }
+    /// Which colour each pixel is of, where it is of one alone.
+    pub mosaic: Option<Mosaic>,
 }
 
 impl RadianceMap {
-    /// The channel called `name`.
-    pub fn channel(&self, name: &str) -> Option<&ChannelMap> {
-        self.channels.iter().find(|c| c.name == name)
+    /// Names of the channels, in the order of the camera: R, G and B of a mosaic.
+    pub fn names(&self) -> Vec<&str> {
+        match self.mosaic {
+            Some(_) => COLOURS.to_vec(),
+            None => self.channels.iter().map(|c| c.name.as_str()).collect(),
+        }
+    }
+
+    /// Channel number `index`, as [`Self::names`] counts them. Of a mosaic it has the photosites
+    /// of its colour alone; the others are NaN with an infinite variance.
+    ///
+    /// # Panics
+    ///
+    /// There is no such channel.
+    pub fn channel(&self, index: usize) -> Cow<'_, ChannelMap> {
+        let Some(mosaic) = &self.mosaic else {
+            return Cow::Borrowed(&self.channels[index]);
+        };
+        let plane = &self.channels[0];
+        let own = |row: usize, all: &[f32], other: f32| -> Vec<f32> {
+            let pick = |(column, v): (usize, &f32)| {
+                if mosaic.colour(column, row) == index {
+                    *v
+                } else {
+                    other
+                }
+            };
+            all.iter().enumerate().map(pick).collect()
+        };
+        let rows = |all: &[f32], other: f32| -> Vec<f32> {
+            let mut picked = Vec::with_capacity(all.len());
+            for (row, all) in all.chunks_exact(self.width.max(1)).enumerate() {
+                picked.extend(own(row, all, other));
+            }
+            picked
+        };
+        Cow::Owned(ChannelMap {
+            name: COLOURS[index].to_owned(),
+            value: rows(&plane.value, f32::NAN),
+            variance: rows(&plane.variance, f32::INFINITY),
+        })
+    }
+
+    /// Pixels that channel `index` has; of a mosaic its photosites.
+    pub fn pixels(&self, index: usize) -> usize {
+        let all = self.width * self.height;
+        self.mosaic.map_or(all, |mosaic| {
+            let cell = mosaic.cell();
+            let own = cell.iter().filter(|c| usize::from(**c) == index).count();
+            all / cell.len() * own
+        })
+    }
+
+    /// Every channel times its factor.
+    pub fn scaled(mut self, factors: &[f64]) -> Self {
+        let (width, mosaic) = (self.width.max(1), self.mosaic);
+        for (index, channel) in self.channels.iter_mut().enumerate() {
+            let pixels = channel.value.iter_mut().zip(&mut channel.variance);
+            for (at, (value, variance)) in pixels.enumerate() {
+                let of = mosaic.map_or(index, |mosaic| mosaic.colour(at % width, at / width));
+                let factor = factors[of];
+                *value = (f64::from(*value) * factor) as f32;
+                *variance *= (factor * factor) as f32;
+            }
+        }
+        self
     }
 }

@@ -6,10 +6,10 @@ use crate::monitor::Monitor;
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
-use formats::{Capture, Depth, decode_frame, parse_manifest};
+use formats::{Capture, Decoded, Depth, decode_frame, parse_manifest};
 use hdr::overlap::Placed;
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
-use physics::{Frame, RadianceMap, Sensor};
+use physics::{Frame, Mosaic, RadianceMap, Sensor};
 use std::path::{Path, PathBuf};
 
 /// A file that numbers came from.
@@ -174,7 +174,10 @@ impl Loaded {
                 .input(self.place(&entry.file))?;
             Ok(entry.exposure_s)
         })?;
-        let comparison = overlap.finish();
+        let mut comparison = overlap.finish();
+        if let Some(mosaic) = merged.3.mosaic() {
+            comparison = hdr::mosaic::in_pixels(&mosaic, comparison);
+        }
         self.check_frames(subject, &comparison)?;
         let uses_measured = comparison.prefers_measured();
         let (map, report, inputs, seen) = if uses_measured {
@@ -184,6 +187,10 @@ impl Loaded {
             })?
         } else {
             merged
+        };
+        let (map, report) = match seen.mosaic() {
+            Some(mosaic) => hdr::mosaic::unfolded(&mosaic, map, &report),
+            None => (map, report),
         };
         let (frames, _) = self.entries(subject);
         Ok(Merged {
@@ -328,7 +335,11 @@ impl Loaded {
         let path = self.folder.join(&entry.file);
         let camera = &self.capture.camera;
         let bytes = files::read(&path)?;
-        let decoded = decode_frame(&bytes).input(path.display())?;
+        let mut decoded = decode_frame(&bytes).input(path.display())?;
+        decoded.mosaic = self
+            .mosaic(&decoded)
+            .map_err(|e| e.within(path.display()))?;
+        let mosaic = decoded.mosaic;
         let input = Input::new(&path, &entry.file, &bytes);
         let metadata = Metadata::read(&bytes);
         let unit = camera.fits_exposure_unit;
@@ -336,7 +347,29 @@ impl Loaded {
             .map_err(|error| error.within(self.input.path.display()))?;
         inputs.push(input);
         let stated_linear = camera.response.is_some();
-        decoded.linear(stated_linear).input(path.display())
+        let frame = decoded.linear(stated_linear).input(path.display())?;
+        Ok(match mosaic {
+            Some(mosaic) => mosaic.folded(&frame),
+            None => frame,
+        })
+    }
+
+    /// The pattern of a frame: what its file says, or else the manifest.
+    fn mosaic(&self, decoded: &Decoded) -> Result<Option<Mosaic>> {
+        let refuse = |message| Err(Error::new(Kind::Input, message));
+        let stated = self.capture.camera.mosaic;
+        match (stated, decoded.mosaic) {
+            (Some(stated), Some(own)) if stated != own => refuse(format!(
+                "is the mosaic {own} by its own tags, and camera.mosaic = \"{stated}\": expected \
+                 the same, or no camera.mosaic"
+            )),
+            (Some(_), _) if decoded.frame.channels != 1 => refuse(format!(
+                "has {} channels, and camera.mosaic is given: expected gray files, one sample a \
+                 photosite",
+                decoded.frame.channels
+            )),
+            (stated, own) => Ok(stated.or(own)),
+        }
     }
 
     pub(crate) fn place(&self, file: &str) -> String {
@@ -409,13 +442,7 @@ pub fn exposure_lines(subject: Subject, merged: &Merged) -> Vec<String> {
 
 /// What was dropped in a merge, in sentences.
 pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
-    let names: Vec<&str> = merged
-        .map
-        .channels
-        .iter()
-        .map(|c| c.name.as_str())
-        .collect();
-    let pixels = (merged.map.width * merged.map.height) as f64;
+    let names = merged.map.names();
     let per_channel = |numbers: &mut dyn Iterator<Item = String>| {
         let cells: Vec<String> = names
             .iter()
@@ -432,8 +459,8 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
         .collect();
     for frame in &merged.report.frames {
         if frame.saturated.iter().any(|n| *n > 0) {
-            let shares = &mut frame.saturated.iter().map(|n| {
-                let percent = 100.0 * *n as f64 / pixels;
+            let shares = &mut frame.saturated.iter().enumerate().map(|(channel, n)| {
+                let percent = 100.0 * *n as f64 / merged.map.pixels(channel) as f64;
                 format!("{percent:.2} %")
             });
             lines.push(format!(

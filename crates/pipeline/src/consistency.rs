@@ -4,13 +4,16 @@ use crate::error::{Error, Kind, Result};
 use formats::capture::FrameEntry;
 use formats::metadata::{Metadata, TimeUnit};
 use formats::{Decoded, Depth};
-use physics::Samples;
+use physics::{Mosaic, Samples};
 use std::collections::BTreeMap;
 
 /// Watches the frames of a set as they are read.
 #[derive(Debug, Default)]
 pub(crate) struct Consistency {
     first: Option<(String, Depth)>,
+    /// The pattern of the first frame, and its size.
+    mosaic: Option<Mosaic>,
+    size: (usize, usize),
     /// The camera that a file names, and that file.
     camera: Option<(String, String)>,
     /// Files by the hash of their bytes.
@@ -51,8 +54,23 @@ impl Consistency {
                      same counts in all frames, so save all alike"
                 ));
             }
+            Some((before, _)) if self.mosaic != decoded.mosaic => {
+                let told = |mosaic: Option<Mosaic>| {
+                    mosaic.map_or("no mosaic".to_owned(), |m| format!("the mosaic {m}"))
+                };
+                return refuse(format!(
+                    "{file}: is {}, and {before} is {}: expected one camera for all frames, read \
+                     out in one way",
+                    told(decoded.mosaic),
+                    told(self.mosaic)
+                ));
+            }
             Some(_) => {}
-            None => self.first = Some((file.clone(), depth)),
+            None => {
+                self.first = Some((file.clone(), depth));
+                self.mosaic = decoded.mosaic;
+                self.size = (decoded.frame.width, decoded.frame.height);
+            }
         }
         if let Some(camera) = &metadata.camera {
             match &self.camera {
@@ -96,9 +114,27 @@ impl Consistency {
         )
     }
 
+    /// The pattern that all frames share.
+    pub(crate) fn mosaic(&self) -> Option<Mosaic> {
+        self.mosaic
+    }
+
     /// What is to be said of the set, in sentences.
     pub(crate) fn notes(self, frames: &[FrameEntry], white_level_dn: f64) -> Vec<String> {
         let mut notes = self.notes;
+        if let Some(mosaic) = self.mosaic {
+            notes.push(format!(
+                "mosaic {mosaic}: each channel has its own photosites, nothing was interpolated"
+            ));
+            let (width, height) = self.size;
+            let whole = mosaic.whole(width, height);
+            if whole != self.size {
+                notes.push(format!(
+                    "{width} x {height} px are no whole number of cells: {} x {} were used",
+                    whole.0, whole.1
+                ));
+            }
+        }
         let mut repeated: Vec<(f64, usize)> = vec![];
         for frame in frames {
             match repeated.iter_mut().find(|(s, _)| *s == frame.exposure_s) {

@@ -81,20 +81,23 @@ pub struct Measurement {
 /// Sample and reference must come from one camera, as far as their files tell.
 fn refuse_other_camera(loaded: &Loaded, sample: &Merged, reference: &Merged) -> Result<()> {
     let ((depth, camera), (white_depth, white_camera)) = (&sample.kind, &reference.kind);
-    let told = |depth: &Option<_>, camera: &Option<String>| {
+    let told = |depth: &Option<_>, merged: &Merged, camera: &Option<String>| {
         let depth = depth.map_or(String::new(), |depth: formats::Depth| depth.to_string());
-        format!("{depth} {}", camera.as_deref().unwrap_or_default())
+        let mosaic = merged.map.mosaic;
+        let mosaic = mosaic.map_or(String::new(), |m| format!("mosaic {m} "));
+        format!("{depth} {mosaic}{}", camera.as_deref().unwrap_or_default())
     };
     let other = camera.is_some() && white_camera.is_some() && camera != white_camera;
-    if depth == white_depth && !other {
+    let alike = sample.map.mosaic == reference.map.mosaic;
+    if depth == white_depth && alike && !other {
         return Ok(());
     }
     let message = format!(
         "{}: the frames of the sample ({}) and of the reference ({}) differ: expected the same \
          camera and counts for both",
         loaded.input.path.display(),
-        told(depth, camera).trim(),
-        told(white_depth, white_camera).trim()
+        told(depth, sample, camera).trim(),
+        told(white_depth, reference, white_camera).trim()
     );
     Err(Error::new(Kind::Input, message))
 }
@@ -113,7 +116,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         || loaded.merge(Subject::Reference, &sensor, monitor),
     );
     let (sample, reference) = (sample?, reference?);
-    let count = |merged: &Merged| merged.map.channels.len();
+    let count = |merged: &Merged| merged.map.names().len();
     if count(&sample) != count(&reference) {
         let message = format!(
             "{}: the sample has {} channels and the reference {}: expected the same camera for both",
@@ -139,14 +142,8 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let capture = &loaded.capture;
     let mut scales = vec![];
     let mut scale_inputs = vec![];
-    let mut channels = vec![];
-    for (index, (channel, white)) in sample
-        .map
-        .channels
-        .iter()
-        .zip(&reference.map.channels)
-        .enumerate()
-    {
+    for index in 0..count(&sample) {
+        let white = reference.map.channel(index);
         let medium = capture
             .reference
             .medium(index, count(&sample))
@@ -160,12 +157,12 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             exit: exit(capture),
         };
         let mut scale =
-            profile::reference_scale(white, reference.map.width, reference.map.height, &options)
+            profile::reference_scale(&white, reference.map.width, reference.map.height, &options)
                 .input(format!(
-                    "{}: reference, channel {}",
-                    loaded.input.path.display(),
-                    white.name
-                ))?;
+                "{}: reference, channel {}",
+                loaded.input.path.display(),
+                white.name
+            ))?;
         let inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
@@ -182,7 +179,6 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         ];
         scale.u_relative = fitting::u_relative(&inputs);
         scale_inputs.push(inputs);
-        channels.push(channel.scaled(scale.factor_per_mm2));
         scales.push(scale);
     }
     let mut estimated: Vec<String> = found.iter().map(Found::line).collect();
@@ -196,13 +192,9 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let mut inputs = vec![loaded.input.clone()];
     inputs.extend(sample.inputs);
     inputs.extend(reference.inputs);
-    let RadianceMap { width, height, .. } = sample.map;
+    let factors: Vec<f64> = scales.iter().map(|s| s.factor_per_mm2).collect();
     Ok(Radiance {
-        map: RadianceMap {
-            width,
-            height,
-            channels,
-        },
+        map: sample.map.scaled(&factors),
         scales,
         scale_inputs,
         inputs,
@@ -214,13 +206,11 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
 impl Radiance {
     /// The file `radiance.exr`.
     pub fn to_file(&self, loaded: &Loaded) -> RadianceFile {
-        let scale = self
-            .map
-            .channels
-            .iter()
+        let names = self.map.names().into_iter();
+        let scale = names
             .zip(&self.scales)
             .map(|(channel, scale)| ChannelScale {
-                channel: channel.name.clone(),
+                channel: channel.to_owned(),
                 u_scale_relative: scale.u_relative,
             })
             .collect();
@@ -255,10 +245,11 @@ pub fn profiles(
     view: View,
     center_px: Option<[f64; 2]>,
 ) -> Result<Vec<Measured>> {
-    map.channels
+    u_scale_relative
         .iter()
-        .zip(u_scale_relative)
-        .map(|(channel, &u_scale_relative)| {
+        .enumerate()
+        .map(|(index, &u_scale_relative)| {
+            let channel = &*map.channel(index);
             let options = ProfileOptions {
                 view,
                 center_px,
@@ -285,7 +276,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let radiance = radiance(loaded, monitor)?;
     let place = || loaded.input.path.display().to_string();
     monitor.check()?;
-    monitor.begin("fitting", radiance.map.channels.len() as u64);
+    monitor.begin("fitting", radiance.scales.len() as u64);
     let u_scales: Vec<f64> = radiance.scales.iter().map(|s| s.u_relative).collect();
     let measured = profiles(
         &radiance.map,

@@ -29,9 +29,13 @@ pub struct Spot {
 pub fn of_frame(path: &Path) -> Result<(Vec<Spot>, Input)> {
     let bytes = files::read(path)?;
     let decoded = formats::decode_frame(&bytes).input(path.display())?;
+    let mosaic = decoded.mosaic;
     let frame = decoded.linear(true).input(path.display())?;
-    let spots =
-        in_map(&map_of(&frame), Background::Threshold).map_err(|e| e.within(path.display()))?;
+    let map = match mosaic {
+        Some(mosaic) => mosaic.unfolded(map_of(&mosaic.folded(&frame))),
+        None => map_of(&frame),
+    };
+    let spots = in_map(&map, Background::Threshold).map_err(|e| e.within(path.display()))?;
     Ok((spots, Input::named_by_itself(path, &bytes)))
 }
 
@@ -58,7 +62,9 @@ fn in_map(map: &RadianceMap, background: Background) -> Result<Vec<Spot>> {
             background,
         })
     };
-    map.channels.iter().map(spot).collect()
+    (0..map.names().len())
+        .map(|index| spot(&map.channel(index)))
+        .collect()
 }
 
 /// A single frame as a picture. Its variance, the same everywhere, is what neighbours in a row
@@ -100,5 +106,6 @@ fn map_of(frame: &Frame) -> RadianceMap {
         width: frame.width,
         height: frame.height,
         channels,
+        mosaic: None,
     }
 }

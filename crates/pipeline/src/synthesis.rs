@@ -193,6 +193,7 @@ fn manifest_of(
             white_level_dn: Some(sensor.white_level_dn),
             prnu_relative: sensor.prnu_relative,
             response: None,
+            mosaic: camera.mosaic,
             fits_exposure_unit: None,
         },
         model: manifest::Model {

@@ -24,7 +24,8 @@ const WINDOW: f64 = 1.2;
 /// pixel is the square of its height above the threshold, so that it fades to
 /// nothing at the mask's edge. Where fewer than 45 pixels reach half of the peak the threshold is lowered until
 /// they do; fewer than 16 leave it at that. Pixels that were not measured take the mean of their neighbours, and a
-/// single bright pixel cannot be the peak.
+/// single bright pixel cannot be the peak. So do, for this purpose alone, the pixels between the
+/// photosites of one colour.
 ///
 /// At oblique incidence the glow is displaced from the point of entry; this is the centre of its
 /// bright part.
@@ -83,12 +84,16 @@ pub(crate) fn check_size(
             pixels,
         });
     }
-    // An unmeasured pixel has an infinite variance; everything else has to be a number.
+    // An unmeasured pixel has an infinite variance, and a photosite of another colour no value
+    // either; everything else has to be a number.
     let bad = channel
         .value
         .iter()
         .zip(&channel.variance)
-        .position(|(value, variance)| !value.is_finite() || variance.is_nan() || *variance < 0.0);
+        .position(|(value, variance)| {
+            let absent = value.is_nan() && *variance == f32::INFINITY;
+            !(value.is_finite() || absent) || variance.is_nan() || *variance < 0.0
+        });
     if let Some(pixel) = bad {
         return Err(ProfileError::Pixel {
             x: pixel % width,
@@ -103,11 +108,22 @@ pub(crate) fn check_size(
     Ok(())
 }
 
+/// Share of the pixels that were measured. Of a colour of a mosaic it is a half or less.
+pub(crate) fn measured_share(channel: &ChannelMap) -> f64 {
+    let measured = channel.variance.iter().filter(|v| v.is_finite()).count();
+    measured as f64 / channel.variance.len().max(1) as f64
+}
+
+/// Share of measured pixels below which a picture is one of scattered photosites.
+pub(crate) const SPARSE: f64 = 0.6;
+
 /// A channel with its size.
 pub(crate) struct Picture<'a> {
     channel: &'a ChannelMap,
     width: usize,
     height: usize,
+    /// Share of the pixels that were measured.
+    share: f64,
 }
 
 /// The brightest place.
@@ -140,6 +156,7 @@ impl<'a> Picture<'a> {
             channel,
             width,
             height,
+            share: measured_share(channel),
         }
     }
 
@@ -152,31 +169,43 @@ impl<'a> Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// The measured pixels in the 3 × 3 block about `pixel`, clipped at the frame.
-    fn block(&self, pixel: usize) -> impl Iterator<Item = usize> + '_ {
+    /// The measured pixels in the block about `pixel` that goes `reach` to each side, clipped at
+    /// the frame.
+    fn block(&self, pixel: usize, reach: usize) -> impl Iterator<Item = usize> + '_ {
         let (x, y) = (pixel % self.width, pixel / self.width);
-        let rows = y.saturating_sub(1)..(y + 2).min(self.height);
+        let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height);
         rows.flat_map(move |v| {
-            let columns = x.saturating_sub(1)..(x + 2).min(self.width);
+            let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
             columns.map(move |u| v * self.width + u)
         })
         .filter(|i| self.channel.variance[*i].is_finite())
     }
 
+    /// How far a block goes to each side that has enough pixels to be judged by.
+    fn reach(&self) -> usize {
+        if self.share < SPARSE { 2 } else { 1 }
+    }
+
     /// The brightest place, if it stands out of the noise.
     pub(crate) fn peak(&self) -> Result<Peak, ProfileError> {
         let mut best: Option<Peak> = None;
+        let reach = self.reach();
+        // At least half of a block, so that an island among unmeasured pixels is no peak.
+        let enough = if self.share < SPARSE {
+            (0.5 * self.share * (2 * reach + 1).pow(2) as f64).max(2.0)
+        } else {
+            5.0
+        };
         for pixel in 0..self.width * self.height {
             let (mut sum, mut variance, mut largest, mut count) = (0.0, 0.0, f64::MIN, 0.0);
-            for i in self.block(pixel) {
+            for i in self.block(pixel, reach) {
                 let value = f64::from(self.channel.value[i]);
                 sum += value;
                 variance += f64::from(self.channel.variance[i]);
                 largest = value.max(largest);
                 count += 1.0;
             }
-            // At least half of a block, so that an island among unmeasured pixels is no peak.
-            if count < 5.0 && count < (self.width * self.height) as f64 {
+            if count < enough && count < (self.width * self.height) as f64 {
                 continue;
             }
             let value = (sum - largest) / (count - 1.0_f64).max(1.0);
@@ -205,12 +234,26 @@ impl Picture<'_> {
         if self.channel.variance[pixel].is_finite() {
             return f64::from(self.channel.value[pixel]);
         }
-        let (mut sum, mut count) = (0.0, 0.0_f64);
-        for i in self.block(pixel) {
-            sum += f64::from(self.channel.value[i]);
-            count += 1.0;
+        let (mut sum, mut weight) = (0.0, 0.0);
+        // Photosites of a pattern may lie farther away than the next pixel.
+        for reach in 1..=self.reach() + 1 {
+            for i in self.block(pixel, reach) {
+                let dx = (i % self.width).abs_diff(pixel % self.width);
+                let dy = (i / self.width).abs_diff(pixel / self.width);
+                // Where a picture is dense all neighbours count alike.
+                let w = if self.share < SPARSE {
+                    1.0 / (dx * dx + dy * dy).pow(2) as f64
+                } else {
+                    1.0
+                };
+                sum += w * f64::from(self.channel.value[i]);
+                weight += w;
+            }
+            if weight > 0.0 {
+                return sum / weight;
+            }
         }
-        sum / count.max(1.0)
+        0.0
     }
 
     /// Where the light balances under a Gaussian window, near `start`, of a spot of which `pixels`
@@ -370,6 +413,38 @@ mod tests {
         println!("{clean:.4} px clean, {sloped:.4} px with a slope of 2 %");
         assert!(clean < 0.005, "{clean}");
         assert!(sloped < 0.02, "{sloped}");
+    }
+
+    /// The photosites of one colour of a mosaic.
+    fn photosites(map: &ChannelMap, width: usize, pattern: &str, colour: usize) -> ChannelMap {
+        let mosaic: physics::Mosaic = pattern.parse().unwrap();
+        let mut own = map.clone();
+        for i in 0..own.value.len() {
+            if mosaic.colour(i % width, i / width) != colour {
+                own.value[i] = f32::NAN;
+                own.variance[i] = f32::INFINITY;
+            }
+        }
+        own
+    }
+
+    #[test]
+    fn the_photosites_of_a_colour_have_the_same_centre() {
+        // What lies between them is interpolated, which a spot of a few pixels bends with.
+        const X_TRANS: &str = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG";
+        for (sigma, tolerance) in [(3.0, 0.02), (6.0, 0.008)] {
+            for pattern in ["RGGB", X_TRANS] {
+                for colour in 0..3 {
+                    for center in [[40.0, 40.0], [39.31, 40.83], [37.5, 41.08]] {
+                        let map = photosites(&spot(80, center, sigma), 80, pattern, colour);
+                        let [x, y] = find_center(&map, 80, 80).unwrap();
+                        let error = (x - center[0]).hypot(y - center[1]);
+                        println!("{pattern}, colour {colour}, sigma {sigma}: {error:.1e}");
+                        assert!(error < tolerance, "{pattern} {colour} {sigma}: {x}, {y}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Centre and width of a beam by the moments of its picture, after ISO 11146.
 
-use crate::center::{Peak, Picture, check_size};
+use crate::center::{Peak, Picture, SPARSE, check_size, measured_share};
 use crate::error::ProfileError;
 use physics::ChannelMap;
 
@@ -480,6 +480,11 @@ impl Aperture {
                 }
             }
         });
+        // A photosite of a mosaic stands for the pixels between it and the next as well.
+        let share = measured_share(channel);
+        if share < SPARSE {
+            noise = noise.map(|n| n / (share * share));
+        }
         let u: [f64; 4] = std::array::from_fn(|k| {
             let by = &by_background[k];
             let shared: f64 = (0..9)

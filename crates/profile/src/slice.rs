@@ -29,7 +29,16 @@ pub fn slice_profile(
 ) -> Result<Measured, ProfileError> {
     let survey = Survey::new(channel, width, height, options)?;
     let mut measured = survey.checked(channel, options)?;
-    let row = survey.center[1].round() as usize;
+    let center_y = survey.center[1];
+    // A row of a mosaic may have no photosite of this colour: then the next one that does.
+    let mut rows: Vec<usize> = (0..height).collect();
+    let from_spot = |row: &usize| (*row as f64 - center_y).abs();
+    rows.sort_by(|a, b| from_spot(a).total_cmp(&from_spot(b)));
+    let measured_in = |row: &usize| {
+        let variances = channel.variance.chunks_exact(width).nth(*row);
+        variances.is_some_and(|row| row.iter().any(|v| v.is_finite()))
+    };
+    let row = rows.into_iter().find(measured_in).unwrap_or_default();
 
     #[derive(Clone, Default)]
     struct Bin {

@@ -1,6 +1,6 @@
 //! One pass after another over a picture's pixels, until its rings are known.
 
-use crate::center::{NEEDED_PX, check_size, find_center};
+use crate::center::{NEEDED_PX, SPARSE, check_size, find_center, measured_share};
 use crate::curve::{AREA, Curve, Moments};
 use crate::error::ProfileError;
 use crate::radial::{Measured, ProfileOptions, check_options};
@@ -146,7 +146,15 @@ impl Survey {
                 needed: NEEDED_PX,
             });
         }
-        let rings = Rings::new(radius, options.relative_width, options.min_width_px);
+        // Scattered photosites want wider rings, so that every ring has as many of them.
+        let share = measured_share(channel);
+        let spacing = if share < SPARSE {
+            share.sqrt().recip()
+        } else {
+            1.0
+        };
+        let min_width = options.min_width_px * spacing;
+        let rings = Rings::new(radius, options.relative_width, min_width);
         let picture = Picture {
             channel,
             size: (width, height),
@@ -416,6 +424,10 @@ impl Picture<'_> {
         let mut inside = vec![0.0; count];
         let mut unmeasured = 0;
         self.for_each_inside(count, |p| {
+            // A photosite of another colour is no loss.
+            if p.value.is_nan() {
+                return;
+            }
             inside[p.ring] += p.area;
             if !p.variance.is_finite() {
                 unmeasured += 1;
@@ -495,15 +507,22 @@ impl Picture<'_> {
             return;
         }
         let gaussian = |square: f64| value * (decay * (rim * rim - square)).exp();
-        let mut sum = 0.0;
+        let (mut sum, mut residuals) = (0.0, 0.0);
+        let (mut area, mut seen) = (0.0, 0.0);
         self.for_each_inside(core, |p| {
             let (middle, half) = self.rings.square(p.ring);
             let expected = curve.at(p.ring, p.tau);
-            let good =
-                p.variance.is_finite() && limits[p.ring].allows(p.value - expected, p.variance);
-            let seen = if good { p.value } else { expected };
-            sum += p.area * (seen - gaussian(middle + half * p.tau));
+            sum += p.area * (expected - gaussian(middle + half * p.tau));
+            area += p.area;
+            if p.variance.is_finite() && limits[p.ring].allows(p.value - expected, p.variance) {
+                residuals += p.area * (p.value - expected);
+                seen += p.area;
+            }
         });
+        // What was seen stands for what was not, the photosites of other colours above all.
+        if seen > 0.0 {
+            sum += residuals * area / seen;
+        }
         let integral = if decay * rim * rim > 1e-9 {
             std::f64::consts::PI / decay * value * (decay * rim * rim).exp_m1()
         } else {

@@ -1,9 +1,9 @@
 //! The bench, the sensor and the white reference, as a person describes them.
 
 use crate::error::SynthError;
-use physics::Sensor;
 use physics::footprint::Beam;
 use physics::frame::channel_names;
+use physics::{Mosaic, Sensor};
 use serde::{Deserialize, Serialize};
 
 /// Colour channels of the sensor.
@@ -126,6 +126,9 @@ pub struct Camera {
     pub u_eta: f64,
     /// Channels: `rgb` (the default) or `mono`.
     pub channels: Channels,
+    /// Pattern of a colour filter array, as in `RGGB`: each photosite then has the colour that the
+    /// pattern gives it, and a frame one sample a pixel. Default: none.
+    pub mosaic: Option<Mosaic>,
     /// Exposure times, s. Default: 13 from 1 ms to 4 s, each about twice the last.
     pub exposures_s: Vec<f64>,
     /// Standard deviation of the shutter: every frame with the beam on is exposed longer or
@@ -182,6 +185,7 @@ impl Default for Camera {
             u_mm_per_pixel: 0.0,
             u_eta: 0.0,
             channels: Channels::Rgb,
+            mosaic: None,
             exposures_s: vec![
                 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0,
             ],
@@ -228,6 +232,9 @@ impl Camera {
     pub fn validated(self) -> Result<Self, SynthError> {
         if self.bits != 12 && self.bits != 16 {
             return Err(SynthError::Bits(self.bits));
+        }
+        if self.mosaic.is_some() && self.channels != Channels::Rgb {
+            return Err(SynthError::GrayMosaic);
         }
         if self.exposures_s.is_empty() {
             return Err(SynthError::NoExposures);
@@ -367,6 +374,14 @@ impl Camera {
             black_level_dn: self.black_level_dn,
             white_level_dn: self.white_level_dn(),
             prnu_relative: self.prnu_relative,
+        }
+    }
+
+    /// Samples that a pixel has.
+    pub fn samples_per_pixel(&self) -> usize {
+        match self.mosaic {
+            Some(_) => 1,
+            None => self.channels.count(),
         }
     }
 

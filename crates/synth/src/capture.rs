@@ -106,7 +106,7 @@ impl Capture {
         };
 
         let count = camera.channels.count();
-        let samples = camera.width * camera.height * count;
+        let samples = camera.width * camera.height * camera.samples_per_pixel();
         let mut sample_e_per_s = vec![0.0; samples];
         let mut reference_e_per_s = vec![0.0; samples];
         let mut channels = vec![];
@@ -137,8 +137,17 @@ impl Capture {
                 (&mut sample_e_per_s, glow),
                 (&mut reference_e_per_s, white_glow),
             ] {
-                for (out, pixel) in out.iter_mut().skip(index).step_by(count).zip(pixels) {
-                    *out = (f64::from(pixel) * factor * signal) as f32;
+                let light = |pixel: f32| (f64::from(pixel) * factor * signal) as f32;
+                if let Some(mosaic) = camera.mosaic {
+                    for (at, (out, pixel)) in out.iter_mut().zip(pixels).enumerate() {
+                        if mosaic.colour(at % camera.width, at / camera.width) == index {
+                            *out = light(pixel);
+                        }
+                    }
+                } else {
+                    for (out, pixel) in out.iter_mut().skip(index).step_by(count).zip(pixels) {
+                        *out = light(pixel);
+                    }
                 }
             }
             channels.push(ChannelTruth {
@@ -221,7 +230,7 @@ impl Capture {
         Frame {
             width: self.camera.width,
             height: self.camera.height,
-            channels: self.camera.channels.count(),
+            channels: self.camera.samples_per_pixel(),
             samples: self
                 .pixels
                 .expose(

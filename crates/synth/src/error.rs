@@ -22,6 +22,9 @@ pub enum SynthError {
     /// The sensor's converter is of an unknown kind.
     #[error("bits must be 12 or 16, got {0}")]
     Bits(u8),
+    /// A mosaic of one colour.
+    #[error("mosaic is given and channels = \"mono\"; a mosaic has R, G and B: channels = \"rgb\"")]
+    GrayMosaic,
     /// There is no exposure.
     #[error("exposures_s is empty; list at least one exposure time in seconds")]
     NoExposures,

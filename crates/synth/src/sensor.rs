@@ -50,7 +50,7 @@ struct Readout {
 impl Pixels {
     /// The pixels that `seed` gives to `camera`.
     pub(crate) fn new(camera: &Camera, seed: u64) -> Self {
-        let count = camera.width * camera.height * camera.channels.count();
+        let count = camera.width * camera.height * camera.samples_per_pixel();
         let mut sensitivity = vec![0.0; count];
         let mut offset_dn = vec![0.0; count];
         let mut dark_e_per_s = vec![0.0; count];

@@ -40,9 +40,9 @@ pub(crate) fn run(
             height: radiance.map.height,
             channels: radiance
                 .map
-                .channels
-                .iter()
-                .map(|c| c.name.clone())
+                .names()
+                .into_iter()
+                .map(str::to_owned)
                 .collect(),
             notes: radiance.merge_lines,
         };

@@ -119,15 +119,12 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
 }
 
 fn slices(picture: &Picture, measured: &[Measured]) -> Result<Vec<RadialProfile>> {
-    let RadianceMap {
-        width,
-        height,
-        ref channels,
-    } = picture.map;
-    channels
+    let RadianceMap { width, height, .. } = picture.map;
+    measured
         .iter()
-        .zip(measured)
-        .map(|(channel, m)| {
+        .enumerate()
+        .map(|(index, m)| {
+            let channel = &*picture.map.channel(index);
             let options = ProfileOptions {
                 view: picture.view,
                 center_px: Some(m.center_px),

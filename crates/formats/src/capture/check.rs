@@ -210,11 +210,6 @@ fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
             return refuse(format!("{section}.{key}"), instead);
         }
     }
-    if table.get("camera").and_then(|c| c.get("mosaic")).is_some() {
-        let instead = "separate the channels of the colour filter array first, without \
-                       interpolation, and give one capture for each";
-        return refuse("camera.mosaic".to_owned(), instead);
-    }
     if table.get("channel").is_some() {
         return refuse(
             "channel".to_owned(),
@@ -740,8 +735,8 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             ("eta = 1.5", "eta = \"?\"", "field `eta` is still \"?\""),
             (
                 "response = \"linear\"",
-                "mosaic = \"RGGB\"",
-                "field `camera.mosaic` is not supported yet",
+                "mosaic = \"RGB\"",
+                "a pattern has 4, 16 or 36 letters",
             ),
             (
                 "exposure_s = 0.004 }",

@@ -49,6 +49,9 @@ impl Capture {
             if camera.response.is_some() {
                 text.line("response", quoted("linear"));
             }
+            if let Some(mosaic) = camera.mosaic {
+                text.line("mosaic", quoted(&mosaic.to_string()));
+            }
             if let Some(unit) = camera.fits_exposure_unit {
                 text.line("fits_exposure_unit", quoted(unit.name()));
             }

@@ -1,8 +1,8 @@
 //! Reading, by the `exr` crate: other programs may have compressed or tiled the file since.
 
 use super::{
-    CHANNELS, COUNTS_PER_SECOND, ChannelScale, ExrError, MM_PER_PIXEL, PER_SQUARE_MILLIMETRE,
-    PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE,
+    CHANNELS, COUNTS_PER_SECOND, ChannelScale, ExrError, MM_PER_PIXEL, MOSAIC,
+    PER_SQUARE_MILLIMETRE, PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE,
 };
 use exr::compression::Compression;
 use exr::image::FlatSamples;
@@ -11,7 +11,7 @@ use exr::image::read::layers::ReadChannels;
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Text};
-use physics::{ChannelMap, RadianceMap};
+use physics::{ChannelMap, Mosaic, RadianceMap};
 use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 
@@ -74,19 +74,30 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
     if channels.is_empty() {
         return Err(attribute(CHANNELS, "the name of at least one channel"));
     }
+    let mosaic = attributes.mosaic()?;
+    if mosaic.is_some() && channels.len() != 1 {
+        return Err(attribute(CHANNELS, "one plane for all colours of a mosaic"));
+    }
+    let map = RadianceMap {
+        width: size.width(),
+        height: size.height(),
+        channels,
+        mosaic,
+    };
     let scale = match attributes.text(UNIT, "`DN/s` or `mm^-2`")?.as_str() {
         COUNTS_PER_SECOND => Vec::new(),
-        PER_SQUARE_MILLIMETRE => channels
-            .iter()
+        PER_SQUARE_MILLIMETRE => map
+            .names()
+            .into_iter()
             .map(|channel| {
-                let name = format!("{U_SCALE}{}", channel.name);
+                let name = format!("{U_SCALE}{channel}");
                 let expected = "the relative uncertainty of the scale, at least 0";
                 let u_scale_relative = attributes
                     .number(&name, expected)?
                     .filter(|u| *u >= 0.0)
                     .ok_or_else(|| attribute(&name, expected))?;
                 Ok(ChannelScale {
-                    channel: channel.name.clone(),
+                    channel: channel.to_owned(),
                     u_scale_relative,
                 })
             })
@@ -99,11 +110,7 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
         length => length,
     };
     Ok(RadianceFile {
-        map: RadianceMap {
-            width: size.width(),
-            height: size.height(),
-            channels,
-        },
+        map,
         mm_per_pixel,
         scale,
         provenance: attributes.provenance()?,
@@ -199,6 +206,15 @@ impl Attributes<'_> {
             _ => None,
         }
         .ok_or_else(|| attribute(name, expected))
+    }
+
+    fn mosaic(&self) -> Result<Option<Mosaic>, ExrError> {
+        if self.get(MOSAIC).is_none() {
+            return Ok(None);
+        }
+        let expected = "a pattern of R, G and B, as RGGB";
+        let pattern = self.text(MOSAIC, expected)?.parse();
+        pattern.map(Some).map_err(|_| attribute(MOSAIC, expected))
     }
 
     fn number(&self, name: &str, expected: &'static str) -> Result<Option<f64>, ExrError> {

@@ -4,7 +4,7 @@
 //! maps must give equal bytes. Uncompressed scan lines are a header and the numbers themselves.
 
 use super::{
-    CHANNELS, COUNTS_PER_SECOND, ExrError, MM_PER_PIXEL, PER_SQUARE_MILLIMETRE, PROVENANCE,
+    CHANNELS, COUNTS_PER_SECOND, ExrError, MM_PER_PIXEL, MOSAIC, PER_SQUARE_MILLIMETRE, PROVENANCE,
     RadianceFile, U_SCALE, UNIT, VARIANCE,
 };
 use std::collections::BTreeMap;
@@ -87,11 +87,14 @@ fn check(file: &RadianceFile) -> Result<(), ExrError> {
             return fail(name, "its name ends in .variance, as variance layers do");
         }
     }
+    if map.mosaic.is_some() && map.channels.len() != 1 {
+        return fail("", "a mosaic has one plane for all its colours");
+    }
     let of_channels = file
         .scale
         .iter()
-        .map(|s| &s.channel)
-        .eq(map.channels.iter().map(|c| &c.name));
+        .map(|s| s.channel.as_str())
+        .eq(map.names());
     if !file.scale.is_empty() && !of_channels {
         return fail(
             &map.channels[0].name,
@@ -141,6 +144,9 @@ fn header(file: &RadianceFile, layers: &BTreeMap<String, &[f32]>) -> Result<Vec<
         names.extend(channel.name.as_bytes());
     }
     header.attribute(CHANNELS, "stringvector", &names)?;
+    if let Some(mosaic) = map.mosaic {
+        header.attribute(MOSAIC, "string", mosaic.to_string().as_bytes())?;
+    }
     if let Some(length) = file.mm_per_pixel {
         header.attribute(MM_PER_PIXEL, "double", &length.to_le_bytes())?;
     }

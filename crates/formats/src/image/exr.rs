@@ -51,6 +51,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     Ok(Decoded {
         frame,
         depth: Depth::Float,
+        mosaic: None,
+        white_level_dn: None,
         curve: false,
     })
 }

@@ -4,7 +4,7 @@
 
 use super::{Decoded, Depth, ImageError, Oddity, check_finite, interleaved, sample_count};
 use crate::fits_header::{BLOCK, Header};
-use physics::{Frame, Samples};
+use physics::{Frame, Mosaic, Samples};
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let header = Header::read(bytes).ok_or(ImageError::Header {
@@ -14,9 +14,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     if header.value("ZIMAGE").is_some() {
         return Err(ImageError::Odd(Oddity::CompressedFits));
     }
-    if header.value("BAYERPAT").is_some() {
-        return Err(ImageError::Odd(Oddity::Mosaic));
-    }
+    let mosaic = mosaic(&header)?;
     let bits = whole(&header, "BITPIX", "8, 16, 32, -32 or -64")?;
     if !matches!(bits, 8 | 16 | 32 | -32 | -64) {
         return Err(wrong(&header, "BITPIX", "8, 16, 32, -32 or -64"));
@@ -114,6 +112,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         } else {
             Depth::Float
         },
+        // Files of colours keep the card of the mosaic that they were made of.
+        mosaic: mosaic.filter(|_| axes == 2),
+        white_level_dn: None,
         curve: false,
     })
 }
@@ -176,6 +177,31 @@ fn scaling(header: &Header<'_>, keyword: &'static str, default: f64) -> Result<f
             .number()
             .ok_or_else(|| wrong(header, keyword, "a finite number")),
     }
+}
+
+/// The pattern of a colour filter array, as the programs of astronomers write it: from the first
+/// row in the file on, or shifted by `XBAYROFF` and `YBAYROFF`.
+fn mosaic(header: &Header<'_>) -> Result<Option<Mosaic>, ImageError> {
+    let Some(pattern) = header.value("BAYERPAT") else {
+        return Ok(None);
+    };
+    let text = |value: &str| value.trim_matches('\'').trim().to_uppercase();
+    if header
+        .value("ROWORDER")
+        .is_some_and(|order| text(order) == "BOTTOM-UP")
+    {
+        return Err(ImageError::Odd(Oddity::RowOrder));
+    }
+    let pattern: Mosaic = text(pattern)
+        .parse()
+        .map_err(|_| ImageError::Odd(Oddity::Pattern))?;
+    let offset = |card: &str| {
+        let number = header.card(card).and_then(|card| card.number());
+        number.map_or(0, |n| (n as i64).rem_euclid(pattern.side() as i64) as usize)
+    };
+    Ok(Some(
+        pattern.shifted(offset("XBAYROFF"), offset("YBAYROFF")),
+    ))
 }
 
 #[cfg(test)]
@@ -241,7 +267,7 @@ mod tests {
             (&["BITPIX  = 24"], &[0; 8], "BITPIX is 24"),
             (&[], &[0; 8], "BITPIX is missing"),
             (
-                &["BITPIX  = 8", "BAYERPAT= 'RGGB'"],
+                &["BITPIX  = 8", "BAYERPAT= 'CMYG'"],
                 &[0; 8],
                 "colour filter array",
             ),

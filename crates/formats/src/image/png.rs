@@ -53,6 +53,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
             samples: samples.into(),
         },
         depth: Depth::Bits(bits as u16),
+        mosaic: None,
+        white_level_dn: None,
         curve,
     })
 }

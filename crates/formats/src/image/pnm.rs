@@ -64,6 +64,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
             samples: samples.into(),
         },
         depth: Depth::Bits(if maximum > 255 { 16 } else { 8 }),
+        mosaic: None,
+        white_level_dn: None,
         curve: false,
     })
 }

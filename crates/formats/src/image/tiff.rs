@@ -3,23 +3,37 @@
 use super::{
     Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, check_finite, icc, interleaved,
     sample_count, size_to_write,
+    undeveloped::{self, Found, Patched},
 };
 use crate::metadata::tags::beyond_the_end;
 use physics::{Frame, Samples};
-use std::io::{Cursor, Seek, Write};
+use std::io::{Seek, Write};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;
 use tiff::{TiffError, TiffUnsupportedError};
 
-type Reader<'a> = Decoder<Cursor<&'a [u8]>>;
+type Reader<'a> = Decoder<Patched<'a>>;
+
+/// Photometric interpretation of the mosaic of a colour filter array.
+pub(super) const CFA: u16 = 32803;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     if let Some(needed) = beyond_the_end(bytes) {
         let found = bytes.len() as u64;
         return Err(ImageError::Truncated { needed, found });
     }
-    let mut reader = Decoder::new(Cursor::new(bytes)).map_err(|error| match error {
+    let raw = match undeveloped::find(bytes) {
+        Some(Found::Foreign(format)) => return Err(ImageError::CameraRaw(format)),
+        Some(Found::Odd(oddity)) => return Err(ImageError::Odd(oddity)),
+        Some(Found::Picture(raw)) => Some(raw),
+        None => None,
+    };
+    let file = match &raw {
+        Some(raw) => raw.patched(bytes),
+        None => Patched::plain(bytes),
+    };
+    let mut reader = Decoder::new(file).map_err(|error| match error {
         TiffError::UnsupportedError(TiffUnsupportedError::UnknownInterpretation) => {
             ImageError::Odd(Oddity::Raw)
         }
@@ -33,7 +47,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let stored = stored_bytes(&mut reader, bytes.len() as u64)?;
     let ratio = match tag(&mut reader, Tag::Compression, 1)? {
         1 => 1,
-        _ if depth == PACKED => return Err(ImageError::Odd(Oddity::CompressedPacked)),
+        _ if is_packed(depth) => return Err(ImageError::Odd(Oddity::CompressedPacked)),
         5 | 8 | 32946 | 32773 => LARGEST_RATIO,
         other => return Err(ImageError::Odd(Oddity::Compression(other))),
     };
@@ -42,9 +56,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         Depth::Float => 32,
     };
     let count = sample_count([width, height, channels], stored, ratio, bits)?;
-    let samples = if depth == PACKED {
+    let samples = if is_packed(depth) {
         let size = [width, height, channels].map(|n| n as usize);
-        packed(&mut reader, bytes, size, planar)?.into()
+        packed(&mut reader, bytes, bits as usize, size, planar)?.into()
     } else {
         let mut limits = Limits::default();
         limits.decoding_buffer_size = count * bits as usize / 8;
@@ -81,15 +95,27 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         samples,
     };
     check_finite(&frame)?;
+    let (frame, mosaic, white_level_dn) = match raw {
+        Some(raw) => (
+            raw.active(frame).map_err(ImageError::Odd)?,
+            raw.mosaic,
+            raw.white_level_dn,
+        ),
+        None => (frame, None, None),
+    };
     Ok(Decoded {
         frame,
         depth,
+        mosaic,
+        white_level_dn,
         curve,
     })
 }
 
-/// Two samples in three bytes.
-const PACKED: Depth = Depth::Bits(12);
+/// Samples of fewer than 16 bits stand one after the other, without regard to bytes.
+fn is_packed(depth: Depth) -> bool {
+    matches!(depth, Depth::Bits(10 | 12 | 14))
+}
 
 fn by_pixel<T: Copy>(samples: Vec<T>, planar: bool) -> Vec<T> {
     if planar {
@@ -99,11 +125,12 @@ fn by_pixel<T: Copy>(samples: Vec<T>, planar: bool) -> Vec<T> {
     }
 }
 
-/// Uncompressed 12-bit samples, the high bits first, each row from a byte of its own, which the
+/// Uncompressed samples of 10, 12 or 14 bits, the high bits first, each row from a byte of its own, which the
 /// decoder does not unpack.
 fn packed(
     reader: &mut Reader<'_>,
     bytes: &[u8],
+    bits: usize,
     [width, height, channels]: [usize; 3],
     planar: bool,
 ) -> Result<Vec<u16>, ImageError> {
@@ -120,7 +147,7 @@ fn packed(
     } else {
         (1, width * channels)
     };
-    let row_bytes = (in_row * 3).div_ceil(2);
+    let row_bytes = (in_row * bits).div_ceil(8);
     let mut samples = Vec::with_capacity(width * height * channels);
     let mut strips = offsets.iter().zip(&counts);
     for plane in 0..planes {
@@ -139,13 +166,15 @@ fn packed(
                 needed,
             })?;
             for row in strip.chunks_exact(row_bytes) {
-                samples.extend((0..in_row).map(|i| {
-                    let at = i / 2 * 3;
-                    if i % 2 == 0 {
-                        u16::from(row[at]) << 4 | u16::from(row[at + 1]) >> 4
-                    } else {
-                        u16::from(row[at + 1] & 15) << 8 | u16::from(row[at + 2])
+                let (mut held, mut left) = (0_u32, 0);
+                let mut bytes = row.iter();
+                samples.extend((0..in_row).map(|_| {
+                    while left < bits {
+                        held = held << 8 | u32::from(bytes.next().copied().unwrap_or_default());
+                        left += 8;
                     }
+                    left -= bits;
+                    (held >> left & ((1 << bits) - 1)) as u16
                 }));
             }
         }
@@ -189,7 +218,7 @@ fn check_kind(reader: &mut Reader<'_>) -> Result<(u32, Depth), ImageError> {
         return odd(Oddity::SampleFormat(*other));
     }
     let depth = match (format, first) {
-        (1, 8 | 12 | 16) => Depth::Bits(first),
+        (1, 8 | 10 | 12 | 14 | 16) => Depth::Bits(first),
         (3, 32) => Depth::Float,
         (1 | 3, other) => return Err(ImageError::Depth(other.into())),
         (other, _) => return odd(Oddity::SampleFormat(other)),
@@ -256,6 +285,7 @@ pub fn encode_tiff(frame: &Frame, out: impl Write + Seek) -> Result<(), ImageErr
 mod tests {
     use super::super::decode_frame;
     use super::*;
+    use std::io::Cursor;
 
     const SHORT: u16 = 3;
     const LONG: u16 = 4;
@@ -336,16 +366,13 @@ mod tests {
     #[test]
     fn what_is_no_frame_is_refused_with_its_reason() {
         let cases = [
-            (vec![(258, 10)], "found 10 bits per sample"),
+            (vec![(258, 11)], "found 11 bits per sample"),
             (vec![(258, 32)], "found 32 bits per sample"),
-            (
-                vec![(258, 12), (259, 5)],
-                "packed 12-bit samples are compressed",
-            ),
+            (vec![(258, 12), (259, 5)], "packed samples are compressed"),
             (vec![(262, 0)], "white is zero"),
             (vec![(262, 3), (258, 8)], "palette"),
-            (vec![(262, 32803)], "undeveloped RAW"),
-            (vec![(262, 34892), (277, 3)], "undeveloped RAW"),
+            (vec![(262, 32803)], "colour filter array"),
+            (vec![(262, 34892), (277, 3)], "found 3 samples per pixel"),
             (vec![(262, 6), (277, 3)], "PhotometricInterpretation is 6"),
             (vec![(277, 2)], "found 2 samples per pixel"),
             (vec![(277, 2), (338, 2)], "alpha"),
@@ -448,9 +475,23 @@ mod tests {
         let rows = [0x12, 0x3a, 0xbc, 0xfe, 0xd0, 0x00, 0x1f, 0xff, 0x80, 0x00];
         let changes = [(258, 12), (256, 3), (257, 2), (278, 2)];
         let decoded = decode_frame(&file(false, &changes, &rows)).unwrap();
-        assert_eq!(decoded.depth, PACKED);
+        assert_eq!(decoded.depth, Depth::Bits(12));
         let expected = vec![0x123, 0xabc, 0xfed, 0x001, 0xfff, 0x800];
         assert_eq!(decoded.frame.samples, expected.into());
+    }
+
+    #[test]
+    fn fourteen_bits_are_unpacked_too() {
+        let values = [0x3fff_u64, 0x0001, 0x2a5a];
+        let joined = values.iter().fold(0, |bits, v| bits << 14 | v) << 6;
+        let row = &joined.to_be_bytes()[2..];
+        let changes = [(258, 14), (256, 3)];
+        let decoded = decode_frame(&file(true, &changes, row)).unwrap();
+        assert_eq!(decoded.depth, Depth::Bits(14));
+        assert_eq!(
+            decoded.frame.samples,
+            values.map(|v| v as u16).to_vec().into()
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::{Metadata, Source, Stated, TimeUnit, camera};
 const IMAGE_DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
+const SUB_DIRECTORIES: u16 = 330;
 const EXPOSURE_TIME: u16 = 33434;
 const EXIF: u16 = 34665;
 const SHUTTER_SPEED: u16 = 37377;
@@ -67,25 +68,16 @@ pub(super) fn read(bytes: &[u8]) -> Metadata {
 pub(crate) fn beyond_the_end(bytes: &[u8]) -> Option<u64> {
     let file = File::open(bytes)?;
     let mut at = file.first;
+    // Pictures below the first, where cameras keep the undeveloped one.
+    let below = file.directory(at).get(SUB_DIRECTORIES);
+    let below = below.and_then(|tag| file.list(tag, MOST_DIRECTORIES as u64));
+    let reaches = below.into_iter().flatten().map(|at| file.reach(at));
+    if let Some(reach) = reaches.max().filter(|reach| *reach > bytes.len() as u64) {
+        return Some(reach);
+    }
     // A chain that bites its tail has no end.
     for _ in 0..MOST_DIRECTORIES {
-        let directory = file.directory(at);
-        let reach = directory.0.iter().map(|tag| {
-            let width = match tag.kind {
-                3 | 8 => 2,
-                4 | 9 | 11 | 13 => 4,
-                5 | 10 | 12 | 16..=18 => 8,
-                _ => 1,
-            };
-            let length = tag.count.saturating_mul(width);
-            let inside = length <= tag.field.len() as u64;
-            if inside {
-                0
-            } else {
-                file.unsigned(tag.field).saturating_add(length)
-            }
-        });
-        let reach = reach.max().unwrap_or(0);
+        let reach = file.reach(at);
         if reach > bytes.len() as u64 {
             return Some(reach);
         }
@@ -130,31 +122,36 @@ fn micro_manager(text: &str) -> Option<f64> {
 
 /// A tag: its type, how many values, and the bytes that hold them or point at them.
 #[derive(Clone, Copy, Debug)]
-struct Tag<'a> {
+pub(crate) struct Tag<'a> {
     number: u16,
     kind: u16,
     count: u64,
-    field: &'a [u8],
+    pub(crate) field: &'a [u8],
 }
 
+/// The tags of a picture.
 #[derive(Default)]
-struct Directory<'a>(Vec<Tag<'a>>);
+pub(crate) struct Directory<'a>(Vec<Tag<'a>>);
 
 impl<'a> Directory<'a> {
-    fn get(&self, number: u16) -> Option<Tag<'a>> {
+    /// The tag with this number.
+    pub(crate) fn get(&self, number: u16) -> Option<Tag<'a>> {
         self.0.iter().find(|tag| tag.number == number).copied()
     }
 }
 
-struct File<'a> {
+/// A TIFF or BigTIFF.
+pub(crate) struct File<'a> {
     bytes: &'a [u8],
     little: bool,
     big: bool,
-    first: u64,
+    /// Where the first directory stands.
+    pub(crate) first: u64,
 }
 
 impl<'a> File<'a> {
-    fn open(bytes: &'a [u8]) -> Option<Self> {
+    /// The file, if its first bytes are those of one.
+    pub(crate) fn open(bytes: &'a [u8]) -> Option<Self> {
         let little = match bytes.get(..2)? {
             b"II" => true,
             b"MM" => false,
@@ -186,7 +183,7 @@ impl<'a> File<'a> {
     }
 
     /// The tags of the directory at `offset`, as far as the file has them.
-    fn directory(&self, offset: u64) -> Directory<'a> {
+    pub(crate) fn directory(&self, offset: u64) -> Directory<'a> {
         let (head, entry, field) = if self.big { (8, 20, 12) } else { (2, 12, 8) };
         let Some(rest) = usize::try_from(offset)
             .ok()
@@ -210,14 +207,84 @@ impl<'a> File<'a> {
         Directory(tags.collect())
     }
 
+    /// Where the values of the directory at `offset` reach to.
+    fn reach(&self, offset: u64) -> u64 {
+        let directory = self.directory(offset);
+        let reach = directory.0.iter().map(|tag| {
+            let width = match tag.kind {
+                3 | 8 => 2,
+                4 | 9 | 11 | 13 => 4,
+                5 | 10 | 12 | 16..=18 => 8,
+                _ => 1,
+            };
+            let length = tag.count.saturating_mul(width);
+            let inside = length <= tag.field.len() as u64;
+            if inside {
+                0
+            } else {
+                self.unsigned(tag.field).saturating_add(length)
+            }
+        });
+        reach.max().unwrap_or(0)
+    }
+
     /// Where the directory behind the one at `offset` stands.
-    fn next(&self, offset: u64) -> Option<u64> {
-        let (head, entry, pointer) = if self.big { (8, 20, 8) } else { (2, 12, 4) };
-        let rest = self.bytes.get(usize::try_from(offset).ok()?..)?;
-        let count = usize::try_from(self.unsigned(rest.get(..head)?)).ok()?;
-        let at = count.checked_mul(entry)?.checked_add(head)?;
-        let next = self.unsigned(rest.get(at..at.checked_add(pointer)?)?);
+    pub(crate) fn next(&self, offset: u64) -> Option<u64> {
+        let at = usize::try_from(self.next_at(offset)?).ok()?;
+        let pointer = if self.big { 8 } else { 4 };
+        let next = self.unsigned(self.bytes.get(at..at.checked_add(pointer)?)?);
         (next != 0).then_some(next)
+    }
+
+    /// Where the directory at `offset` says which one follows.
+    pub(crate) fn next_at(&self, offset: u64) -> Option<u64> {
+        let (head, entry) = if self.big { (8, 20) } else { (2, 12) };
+        let rest = self.bytes.get(usize::try_from(offset).ok()?..)?;
+        let count = self.unsigned(rest.get(..head)?);
+        let length = count.checked_mul(entry)?.checked_add(head as u64)?;
+        offset.checked_add(length)
+    }
+
+    /// Where the header says which directory is the first.
+    pub(crate) fn first_at(&self) -> u64 {
+        if self.big { 8 } else { 4 }
+    }
+
+    /// Where a tag's field stands.
+    pub(crate) fn place(&self, field: &[u8]) -> u64 {
+        // A field is a part of the file.
+        (field.as_ptr() as usize - self.bytes.as_ptr() as usize) as u64
+    }
+
+    /// A pointer as the file writes it.
+    pub(crate) fn pointer(&self, to: u64) -> Vec<u8> {
+        let length = if self.big { 8 } else { 4 };
+        match self.little {
+            true => to.to_le_bytes()[..length].to_vec(),
+            false => to.to_be_bytes()[8 - length..].to_vec(),
+        }
+    }
+
+    /// A 16-bit number as the file writes it.
+    pub(crate) fn short(&self, value: u16) -> Vec<u8> {
+        match self.little {
+            true => value.to_le_bytes().to_vec(),
+            false => value.to_be_bytes().to_vec(),
+        }
+    }
+
+    /// The whole numbers of a tag, of which there may be `most`.
+    pub(crate) fn list(&self, tag: Tag<'a>, most: u64) -> Option<Vec<u64>> {
+        let width = match tag.kind {
+            1 | 7 => 1,
+            other => whole_width(other)?,
+        };
+        if tag.count > most {
+            return None;
+        }
+        let values = self.values(tag, width)?;
+        let all = values.chunks_exact(width as usize);
+        Some(all.map(|value| self.unsigned(value)).collect())
     }
 
     /// The bytes of a tag's values, each `width` wide.
@@ -230,14 +297,9 @@ impl<'a> File<'a> {
         self.bytes.get(at..at.checked_add(length)?)
     }
 
-    fn whole(&self, tag: Tag<'a>) -> Option<u64> {
-        // SHORT, LONG, IFD, LONG8, IFD8.
-        let width = match tag.kind {
-            3 => 2,
-            4 | 13 => 4,
-            16 | 18 => 8,
-            _ => return None,
-        };
+    /// The first whole number of a tag.
+    pub(crate) fn whole(&self, tag: Tag<'a>) -> Option<u64> {
+        let width = whole_width(tag.kind)?;
         let values = self.values(tag, width)?;
         Some(self.unsigned(values.get(..width as usize)?))
     }
@@ -256,7 +318,8 @@ impl<'a> File<'a> {
         ratio.is_finite().then_some(ratio)
     }
 
-    fn text(&self, tag: Option<Tag<'a>>) -> Option<&'a str> {
+    /// The text of a tag.
+    pub(crate) fn text(&self, tag: Option<Tag<'a>>) -> Option<&'a str> {
         let tag = tag?;
         if !matches!(tag.kind, 1 | 2 | 7) {
             return None;
@@ -264,6 +327,16 @@ impl<'a> File<'a> {
         let text = std::str::from_utf8(self.values(tag, 1)?).ok()?;
         Some(text.trim_end_matches('\0').trim())
     }
+}
+
+/// Bytes of a SHORT, LONG, IFD, LONG8 or IFD8.
+fn whole_width(kind: u16) -> Option<u64> {
+    Some(match kind {
+        3 => 2,
+        4 | 13 => 4,
+        16 | 18 => 8,
+        _ => return None,
+    })
 }
 
 #[cfg(test)]
