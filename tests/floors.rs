@@ -10,6 +10,7 @@ fn floors() -> BTreeMap<&'static str, u32> {
         "formats",
         "hdr",
         "profile",
+        "raw",
         "fit",
         "synth",
         "tables",

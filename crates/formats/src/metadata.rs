@@ -206,6 +206,20 @@ impl Metadata {
         }
     }
 
+    /// What the EXIF of a file says that another reader has opened.
+    pub fn of_exif(exposure_s: Option<f64>, camera: Option<String>) -> Self {
+        let exposure = exposure_s.map(|value| Stated {
+            source: Source::Exif,
+            field: "ExposureTime".to_owned(),
+            value,
+            unit: Some(TimeUnit::Seconds),
+        });
+        Self {
+            exposures: exposure.into_iter().collect(),
+            camera,
+        }
+    }
+
     /// The exposure time that the file or else its `name` states; `fits_unit` is the unit of a
     /// FITS card that has none of its own.
     ///

@@ -3,10 +3,10 @@
 use crate::consistency::Consistency;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::Monitor;
+use crate::reading::read_frame;
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
-use formats::metadata::Metadata;
-use formats::{Capture, Decoded, Depth, decode_frame, parse_manifest};
+use formats::{Capture, Decoded, Depth, parse_manifest};
 use hdr::overlap::Placed;
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
 use physics::{Frame, Mosaic, RadianceMap, Sensor};
@@ -335,13 +335,12 @@ impl Loaded {
         let path = self.folder.join(&entry.file);
         let camera = &self.capture.camera;
         let bytes = files::read(&path)?;
-        let mut decoded = decode_frame(&bytes).input(path.display())?;
+        let (mut decoded, metadata) = read_frame(&bytes, &path)?;
         decoded.mosaic = self
             .mosaic(&decoded)
             .map_err(|e| e.within(path.display()))?;
         let mosaic = decoded.mosaic;
         let input = Input::new(&path, &entry.file, &bytes);
-        let metadata = Metadata::read(&bytes);
         let unit = camera.fits_exposure_unit;
         seen.see(entry, &input.blake3, &decoded, &metadata, unit)
             .map_err(|error| error.within(self.input.path.display()))?;

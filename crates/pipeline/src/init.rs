@@ -2,18 +2,18 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::files;
+use crate::reading::{RAW, READS_RAW, read_frame};
+use formats::Depth;
 use formats::capture::{Draft, DraftFrame};
-use formats::metadata::Metadata;
-use formats::{Depth, decode_frame};
 use std::fs;
 use std::path::Path;
 
 /// Ends of the names of files that may hold a frame.
-const ENDINGS: [&str; 10] = [
-    "tif", "tiff", "png", "pgm", "ppm", "pnm", "exr", "fit", "fits", "fts",
+const ENDINGS: [&str; 11] = [
+    "dng", "tif", "tiff", "png", "pgm", "ppm", "pnm", "exr", "fit", "fits", "fts",
 ];
-/// Ends of the names of camera RAW, which is not read.
-const RAW: [&str; 7] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf"];
+/// How to have camera RAW read.
+const GET_RAW: &str = "build beamspot with `--features raw`, or convert it to uncompressed DNG";
 /// Folders below the one given that are looked into.
 const DEPTH: usize = 3;
 
@@ -47,7 +47,7 @@ pub fn draft(folder: &Path) -> Result<Init> {
     names.sort();
     if names.is_empty() {
         let raw = match skipped.first() {
-            Some(raw) => format!(" ({raw} is camera RAW, which is not read)"),
+            Some(raw) => format!(" ({raw} is camera RAW: {GET_RAW})"),
             None => String::new(),
         };
         let message = format!(
@@ -65,7 +65,7 @@ pub fn draft(folder: &Path) -> Result<Init> {
         unknown: vec![],
     };
     for name in skipped {
-        let raw = format!("{name}: camera RAW is not read; develop it linearly to 16-bit TIFF");
+        let raw = format!("{name}: camera RAW: {GET_RAW}");
         init.unknown.push(raw);
     }
     for name in &names {
@@ -102,7 +102,7 @@ fn collect(
             if depth < DEPTH {
                 collect(folder, &whole, depth + 1, names, skipped)?;
             }
-        } else if ENDINGS.contains(&ending) {
+        } else if ENDINGS.contains(&ending) || (READS_RAW && RAW.contains(&ending)) {
             names.push(whole);
         } else if RAW.contains(&ending) {
             skipped.push(whole);
@@ -134,16 +134,16 @@ impl Init {
     fn add(&mut self, folder: &Path, name: &str) -> Result<()> {
         let path = folder.join(name);
         let bytes = files::read(&path)?;
-        let depth = match decode_frame(&bytes) {
-            Ok(decoded) => decoded.depth,
+        let (decoded, metadata) = match read_frame(&bytes, Path::new(name)) {
+            Ok(read) => read,
             Err(error) => {
-                self.unknown.push(format!("{name}: left out: {error}"));
+                self.unknown.push(format!("left out: {error}"));
                 return Ok(());
             }
         };
-        self.draft.eight_bits |= depth == Depth::Bits(8);
+        self.draft.eight_bits |= decoded.depth == Depth::Bits(8);
         let file = name.rsplit('/').next().unwrap_or(name);
-        let exposure = match Metadata::read(&bytes).exposure(file, None) {
+        let exposure = match metadata.exposure(file, None) {
             Ok(Some(found)) => {
                 let field = match found.source {
                     formats::metadata::Source::FileName => String::new(),

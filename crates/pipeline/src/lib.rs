@@ -34,6 +34,7 @@ pub mod library;
 pub mod measure;
 pub mod monitor;
 pub mod outputs;
+mod reading;
 pub mod sensing;
 pub mod simulation;
 pub mod spot;

@@ -4,6 +4,7 @@ use crate::capture::{Input, Loaded, Subject};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files;
 use crate::monitor::Monitor;
+use crate::reading::read_frame;
 use physics::frame::channel_names;
 use physics::{ChannelMap, Frame, RadianceMap};
 use profile::{Background, BeamMoments, beam_moments};
@@ -28,7 +29,7 @@ pub struct Spot {
 /// The frame cannot be read, or shows no spot.
 pub fn of_frame(path: &Path) -> Result<(Vec<Spot>, Input)> {
     let bytes = files::read(path)?;
-    let decoded = formats::decode_frame(&bytes).input(path.display())?;
+    let (decoded, _) = read_frame(&bytes, path)?;
     let mosaic = decoded.mosaic;
     let frame = decoded.linear(true).input(path.display())?;
     let map = match mosaic {

@@ -1,0 +1,50 @@
+//! What a file of a frame holds, camera RAW included where that is built in.
+
+use crate::error::{Blame, Result};
+#[cfg(feature = "raw")]
+use formats::ImageError;
+use formats::metadata::Metadata;
+use formats::{Decoded, decode_frame};
+use std::path::Path;
+
+/// Ends of the names of camera RAW that only its own decoder reads.
+pub(crate) const RAW: [&str; 6] = ["cr2", "cr3", "nef", "arw", "raf", "orf"];
+
+/// Whether that decoder is built in.
+pub(crate) const READS_RAW: bool = cfg!(feature = "raw");
+
+/// The frame in `bytes`, the file at `path`, and what it says of itself.
+///
+/// # Errors
+///
+/// The bytes are no frame, or those of camera RAW that is not built in or cannot be used.
+pub(crate) fn read_frame(bytes: &[u8], path: &Path) -> Result<(Decoded, Metadata)> {
+    match decode_frame(bytes) {
+        #[cfg(feature = "raw")]
+        Err(ImageError::CameraRaw(_)) => {
+            let raw = raw::decode(bytes).input(path.display())?;
+            let decoded = Decoded {
+                frame: raw.frame,
+                depth: formats::Depth::Bits(raw.bits),
+                mosaic: raw.mosaic,
+                white_level_dn: Some(raw.white_level_dn),
+                curve: false,
+            };
+            Ok((decoded, read_metadata(bytes)))
+        }
+        other => Ok((other.input(path.display())?, read_metadata(bytes))),
+    }
+}
+
+/// What the file `bytes` says of itself.
+pub(crate) fn read_metadata(bytes: &[u8]) -> Metadata {
+    let found = Metadata::read(bytes);
+    #[cfg(feature = "raw")]
+    if found.exposures.is_empty()
+        && formats::is_camera_raw(bytes)
+        && let Ok(raw) = raw::metadata(bytes)
+    {
+        return Metadata::of_exif(raw.exposure_s, found.camera.or(raw.camera));
+    }
+    found
+}
