@@ -109,7 +109,8 @@ pub(crate) struct InitArgs {
 #[derive(Args, Clone, Debug)]
 pub(crate) struct FitChoice {
     /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit), better-dipole,
-    /// kienle-patterson or monte-carlo (the transport equation itself; needs --g).
+    /// kienle-patterson, photon-beam-diffusion (takes --g), multipole (a slab; needs a thickness),
+    /// directional (an oblique beam) or monte-carlo (the transport equation itself; needs --g).
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.
@@ -213,6 +214,25 @@ pub(crate) struct FitArgs {
     /// Side of the camera's pixels on the sample, mm; 0 for a profile without pixels.
     #[arg(long, default_value_t = 0.0, value_name = "MM", value_parser = length)]
     pub(crate) mm_per_pixel: f64,
+    /// Thickness of the sample, mm, for model multipole.
+    #[arg(long, value_name = "MM", value_parser = length)]
+    pub(crate) thickness: Option<f64>,
+    /// Index of the sample over that of what lies below it, for model multipole; --eta by default,
+    /// 1 for a matched lower boundary.
+    #[arg(long, value_name = "X", requires = "thickness")]
+    pub(crate) eta_below: Option<f64>,
+    /// Angle between beam and normal, outside the sample, degrees.
+    #[arg(long, default_value_t = 0.0, value_name = "DEG", value_parser = angle)]
+    pub(crate) beam_angle: f64,
+    /// How far from the point of entry, the way the beam travels, the profile has its centre, mm,
+    /// for model directional.
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "MM",
+        allow_negative_numbers = true
+    )]
+    pub(crate) center_offset: f64,
     /// File to write, as `measure` writes it.
     #[arg(short, long, value_name = "FIT.json")]
     pub(crate) output: Option<PathBuf>,
@@ -327,6 +347,13 @@ fn length(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|mm: &f64| *mm >= 0.0 && mm.is_finite())
         .ok_or_else(|| format!("expected a length of at least 0 mm, got `{text}`"))
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|degrees| (0.0..90.0).contains(degrees))
+        .ok_or_else(|| format!("expected an angle from 0 to below 90 degrees, got `{text}`"))
 }
 
 fn range(text: &str) -> Result<(f64, f64), String> {

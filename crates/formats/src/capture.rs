@@ -184,6 +184,9 @@ impl FrameEntry {
 pub struct Sample<F = Vec<FrameEntry>> {
     /// Thickness, mm; semi-infinite where absent.
     pub thickness_mm: Option<f64>,
+    /// Index of the sample over that of what lies below a slab; `eta` where absent, 1 where the
+    /// sample stands in something of its own index.
+    pub eta_below: Option<f64>,
     /// Frames with the beam on.
     pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.

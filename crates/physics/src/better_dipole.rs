@@ -106,7 +106,17 @@ impl ForwardModel for BetterDipoleModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_sources::tests::{MEDIA, check_gradients, check_integrals};
+    use crate::dipole::tests::argument;
+    use crate::image_sources::tests::{
+        MEDIA, check_against_integrals, check_gradients, check_integrals,
+    };
+
+    #[test]
+    fn agrees_with_an_independent_integration() {
+        check_against_integrals("better-dipole", 1e-9, |arguments| {
+            BetterDipoleModel::new(argument(arguments, "eta"))
+        });
+    }
 
     #[test]
     fn gradients_are_central_differences() {

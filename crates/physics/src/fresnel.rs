@@ -166,6 +166,7 @@ pub fn exit_factor(eta: f64, cos_view: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::dipole::tests::{argument, reference};
+    use crate::image_sources::tests::integrated;
 
     #[test]
     fn agrees_with_forty_digits() {
@@ -235,6 +236,23 @@ mod tests {
             }
         );
         assert_eq!(Exitance::new(1.0).a(), 1.0);
+    }
+
+    #[test]
+    fn exitance_agrees_with_an_independent_integration() {
+        for (name, of) in [
+            ("exitance_fluence", (|e| e.fluence) as fn(&Exitance) -> f64),
+            ("exitance_flux", |e| e.flux),
+            ("exitance_a", Exitance::a),
+        ] {
+            for (arguments, expected) in integrated(name) {
+                let got = of(&Exitance::new(argument(&arguments, "eta")));
+                assert!(
+                    (got / expected - 1.0).abs() < 1e-11,
+                    "{name} {arguments}: {got}"
+                );
+            }
+        }
     }
 
     /// The definition by brute force, with Fresnel's formula of light from inside.

@@ -15,13 +15,20 @@ pub(crate) struct Rule([(f64, f64); NODES]);
 
 impl Rule {
     pub(crate) fn new() -> Self {
-        let rule = GaussLegendre::new(NonZeroUsize::new(NODES).expect("it is not zero"));
         let mut pairs = [(0.0, 0.0); NODES];
-        for (pair, (x, w)) in pairs.iter_mut().zip(rule.as_node_weight_pairs()) {
-            *pair = (0.5 * (1.0 + x), 0.5 * w);
-        }
+        pairs.copy_from_slice(&unit_rule(NODES));
         Self(pairs)
     }
+}
+
+/// Nodes and weights of a Gauss-Legendre rule on [0, 1].
+pub(crate) fn unit_rule(count: usize) -> Vec<(f64, f64)> {
+    let count = NonZeroUsize::new(count).expect("no rule here is empty");
+    GaussLegendre::new(count)
+        .as_node_weight_pairs()
+        .iter()
+        .map(|(x, w)| (0.5 * (1.0 + x), 0.5 * w))
+        .collect()
 }
 
 /// A point source at a height, and its image of the opposite sign at another, in mm along the
@@ -49,25 +56,61 @@ impl Images {
     /// Sources in a medium of absorption `sigma_a` and diffusion coefficient `diffusion` (mm),
     /// whose light leaves as `exitance` says.
     pub(crate) fn new(sigma_a: Gradient, diffusion: Gradient, exitance: Exitance) -> Self {
+        Self {
+            fluence: Gradient::constant(exitance.fluence) / diffusion,
+            flux: exitance.flux,
+            ..Self::flux(sigma_a, diffusion)
+        }
+    }
+
+    /// Sources whose flux alone is counted, as the first papers do.
+    pub(crate) fn flux(sigma_a: Gradient, diffusion: Gradient) -> Self {
         let square = sigma_a / diffusion;
         Self {
             sigma_tr: square.value.sqrt(),
             half_square: square * 0.5,
-            fluence: Gradient::constant(exitance.fluence) / diffusion,
-            flux: exitance.flux,
+            fluence: Gradient::default(),
+            flux: 1.0,
         }
     }
 
+    /// e^(−σₜᵣ d)/(4π d) in place of exitance.
+    pub(crate) fn decay(sigma_a: Gradient, diffusion: Gradient) -> Self {
+        Self {
+            fluence: Gradient::constant(1.0),
+            flux: 0.0,
+            ..Self::flux(sigma_a, diffusion)
+        }
+    }
+
+    pub(crate) fn sigma_tr(&self) -> f64 {
+        self.sigma_tr
+    }
+
+    /// σₜᵣ²/2, mm⁻².
+    pub(crate) fn half_square(&self) -> Gradient {
+        self.half_square
+    }
+
+    /// σₜᵣ², mm⁻².
+    pub(crate) fn sigma_tr_square(&self) -> Gradient {
+        self.half_square * 2.0
+    }
+
     /// ∫ e^(−σₜᵣ s) ds from `a` to `b`, without its cancellation where σₜᵣ is small.
-    fn path(&self, a: f64, b: f64) -> f64 {
+    pub(crate) fn path(&self, a: f64, b: f64) -> f64 {
         let k = self.sigma_tr;
         let exponent = k * (b - a);
-        if exponent.abs() > 1e-3 {
+        if exponent.abs() > 1e-2 {
             ((-k * a).exp() - (-k * b).exp()) / k
         } else {
-            let near = 1.0 - exponent * (0.5 - exponent * (1.0 / 6.0 - exponent / 24.0));
-            (-k * a).exp() * (b - a) * near
+            (-k * a).exp() * (b - a) * Self::expm1_over(exponent)
         }
+    }
+
+    /// (1 − e^(−x))/x for small x.
+    fn expm1_over(x: f64) -> f64 {
+        1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x / 720.0))))
     }
 
     /// Exitance at `radius` mm from the axis of a pair of unit power, mm⁻².
@@ -75,34 +118,46 @@ impl Images {
     /// C_φ φ + C_E E of a source in an unbounded medium, φ = e^(−σₜᵣ d)/(4πD d) and
     /// E = h(1 + σₜᵣ d) e^(−σₜᵣ d)/(4π d³), less that of its image.
     pub(crate) fn pair(&self, pair: &Pair, radius: f64) -> Gradient {
+        self.gradient(
+            &self.parts(pair.source.value, pair.image.value, radius),
+            pair,
+        )
+    }
+
+    /// [`Self::pair`] of the heights `h` and `i`, before the chain rule.
+    pub(crate) fn parts(&self, h: f64, i: f64, radius: f64) -> Parts {
+        const PER_SPHERE: f64 = 0.25 / PI;
         let k = self.sigma_tr;
         let at = |height: f64| {
-            let d = radius.hypot(height);
+            let d = (radius * radius + height * height).sqrt();
             let per_d = 1.0 / d;
-            let decay = (-k * d).exp() * per_d;
+            let decay = PER_SPHERE * (-k * d).exp() * per_d;
             let decay_2 = decay * per_d * per_d;
             let slope = (1.0 + k * d) * decay_2;
             let steep = (k * k * d * d + 3.0 * k * d + 3.0) * decay_2 * per_d * per_d;
             (d, decay, slope, steep)
         };
-        let (h, i) = (pair.source.value, pair.image.value);
         let (d_h, decay_h, slope_h, steep_h) = at(h);
         let (d_i, decay_i, slope_i, steep_i) = at(i);
         let (fluence, flux) = (self.fluence.value, self.flux);
-        let difference = decay_h - decay_i;
-        // Derivatives in σₜᵣ²/2: each fluence alone has an infinite one where σₜᵣ is 0.
-        let in_half_square = -fluence * self.path(d_h, d_i) - flux * (h * decay_h - i * decay_i);
+        // d_i − d_h, which vanishes far out, and ∫ e^(−σₜᵣ s) ds over it: each fluence alone has
+        // an infinite slope in σₜᵣ²/2 where σₜᵣ is 0, the pair has not.
+        let longer = (i - h) * (i + h) / (d_i + d_h);
+        let path = if (k * longer).abs() > 1e-2 {
+            (decay_h * d_h - decay_i * d_i) / k
+        } else {
+            decay_h * d_h * Self::expm1_over(k * longer) * longer
+        };
+        let difference = (decay_h * longer + k * path) / d_i;
         let in_height =
             |h: f64, slope: f64, steep: f64| -fluence * h * slope + flux * (slope - h * h * steep);
-        self.combine(
-            fluence * difference + flux * (h * slope_h - i * slope_i),
+        Parts {
+            value: fluence * difference + flux * (h * slope_h - i * slope_i),
             difference,
-            in_half_square,
-            pair,
-            in_height(h, slope_h, steep_h),
-            -in_height(i, slope_i, steep_i),
-            4.0 * PI,
-        )
+            in_half_square: -fluence * path - flux * (h * decay_h - i * decay_i),
+            in_source: in_height(h, slope_h, steep_h),
+            in_image: -in_height(i, slope_i, steep_i),
+        }
     }
 
     /// The light of a pair of unit power that leaves within `radius` mm of its axis; all of it
@@ -110,16 +165,29 @@ impl Images {
     ///
     /// Without absorption the slope in σₐ is finite for a finite `radius`, −∞ for the plane.
     pub(crate) fn pair_within(&self, pair: &Pair, radius: f64, rule: &Rule) -> Gradient {
+        let parts = self.parts_within(pair.source.value, pair.image.value, radius, rule);
+        self.gradient(&parts, pair)
+    }
+
+    /// [`Self::pair_within`] of the heights `h` and `i`, before the chain rule.
+    pub(crate) fn parts_within(&self, h: f64, i: f64, radius: f64, rule: &Rule) -> Parts {
         let k = self.sigma_tr;
-        let (h, i) = (pair.source.value, pair.image.value);
+        // ∫ e^(−σₜᵣ s) ds from `from` to infinity.
+        let endless = |from: f64| {
+            if k > 0.0 {
+                (-k * from).exp() / k
+            } else {
+                f64::INFINITY
+            }
+        };
         // Share of a source's flux, its derivatives in σₜᵣ²/2 and height, and its fluence's in
         // height.
         let at = |h: f64| {
             let a = h.abs();
             let near = (-k * a).exp();
             if radius.is_infinite() {
-                let rest = if k > 0.0 { near / k } else { f64::INFINITY };
-                return (near * h.signum(), -h * rest, -k * near, -near * h.signum());
+                let upward = near * h.signum();
+                return (upward, -h * endless(a), -k * near, -upward);
             }
             let d = radius.hypot(h);
             let per_d = 1.0 / d;
@@ -133,7 +201,7 @@ impl Images {
             )
         };
         let ((t_h, q_h, s_h, f_h), (t_i, q_i, s_i, f_i)) = (at(h), at(i));
-        let (fluence, flux) = (self.fluence.value, self.flux);
+        let (fluence, flux) = (0.5 * self.fluence.value, 0.5 * self.flux);
         let (near, far) = (h.abs(), i.abs());
         let beyond = if radius.is_infinite() {
             0.0
@@ -148,26 +216,20 @@ impl Images {
             .map(|&(x, w)| {
                 let s = near + (far - near) * x;
                 let path = if radius.is_infinite() {
-                    if k > 0.0 {
-                        (-k * s).exp() / k
-                    } else {
-                        f64::INFINITY
-                    }
+                    endless(s)
                 } else {
                     self.path(s, radius.hypot(s))
                 };
                 -w * (far - near) * s * path
             })
             .sum();
-        self.combine(
-            fluence * difference + flux * (t_h - t_i),
-            difference,
-            fluence * slope + flux * (q_h - q_i),
-            pair,
-            fluence * f_h + flux * s_h,
-            -fluence * f_i - flux * s_i,
-            2.0,
-        )
+        Parts {
+            value: fluence * difference + flux * (t_h - t_i),
+            difference: 0.5 * difference,
+            in_half_square: fluence * slope + flux * (q_h - q_i),
+            in_source: fluence * f_h + flux * s_h,
+            in_image: -fluence * f_i - flux * s_i,
+        }
     }
 
     /// The light of a pair of unit power that leaves farther than `radius` mm from its axis.
@@ -181,27 +243,40 @@ impl Images {
         0.5 * (self.fluence.value * fluence + self.flux * (share(h) - share(i)))
     }
 
-    /// The chain rule, for a value that depends on C_φ/D (with this `difference` as its slope),
-    /// σₜᵣ²/2 and the two heights.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one partial derivative each, in the order of the sentence above"
-    )]
-    fn combine(
-        &self,
-        value: f64,
-        difference: f64,
-        in_half_square: f64,
-        pair: &Pair,
-        in_source: f64,
-        in_image: f64,
-        divisor: f64,
-    ) -> Gradient {
-        let parts = self.half_square.map(value, in_half_square)
-            + self.fluence.map(0.0, difference)
-            + pair.source.map(0.0, in_source)
-            + pair.image.map(0.0, in_image);
-        parts * (1.0 / divisor)
+    /// The chain rule.
+    pub(crate) fn gradient(&self, parts: &Parts, pair: &Pair) -> Gradient {
+        self.half_square.map(parts.value, parts.in_half_square)
+            + self.fluence.map(0.0, parts.difference)
+            + pair.source.map(0.0, parts.in_source)
+            + pair.image.map(0.0, parts.in_image)
+    }
+}
+
+/// A value that a pair gives, with its derivatives in what the pair depends on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Parts {
+    pub(crate) value: f64,
+    /// In C_φ/D.
+    difference: f64,
+    in_half_square: f64,
+    in_source: f64,
+    in_image: f64,
+}
+
+impl Parts {
+    /// Turns the sign.
+    pub(crate) fn negate(&mut self) {
+        let whole = *self;
+        self.add(-2.0, &whole);
+    }
+
+    /// Adds `weight` times `other`.
+    pub(crate) fn add(&mut self, weight: f64, other: &Self) {
+        self.value += weight * other.value;
+        self.difference += weight * other.difference;
+        self.in_half_square += weight * other.in_half_square;
+        self.in_source += weight * other.in_source;
+        self.in_image += weight * other.in_image;
     }
 }
 
@@ -231,8 +306,50 @@ impl WeightedDipole {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::dipole::tests::argument;
     use crate::medium::Coefficients;
     use crate::model::ForwardModel;
+
+    /// `(arguments, value)` of every row of `fixtures/models.csv` for `model`: what an independent
+    /// program integrates from the papers' definitions.
+    pub(crate) fn integrated(model: &str) -> Vec<(String, f64)> {
+        let rows: Vec<(String, f64)> = include_str!("../../../fixtures/models.csv")
+            .lines()
+            .filter_map(|line| {
+                let mut cells = line.split(',');
+                (cells.next()? == model).then_some(())?;
+                Some((cells.next()?.to_owned(), cells.next()?.parse().ok()?))
+            })
+            .collect();
+        assert!(rows.len() >= 6, "{model}");
+        rows
+    }
+
+    /// The coefficients of a row.
+    pub(crate) fn medium(arguments: &str) -> Coefficients {
+        Coefficients {
+            sigma_a: argument(arguments, "sigma_a"),
+            sigma_s_prime: argument(arguments, "sigma_s_prime"),
+        }
+    }
+
+    /// Every row of R_d by `model`, which is made from the row's arguments.
+    pub(crate) fn check_against_integrals<M: ForwardModel>(
+        name: &str,
+        tolerance: f64,
+        model: impl Fn(&str) -> M,
+    ) {
+        for (arguments, expected) in integrated(name) {
+            let mut got = [0.0];
+            let radius = argument(&arguments, "r");
+            model(&arguments).diffuse_reflectance(medium(&arguments), &[radius], &mut got);
+            assert!(
+                (got[0] / expected - 1.0).abs() < tolerance,
+                "{name} {arguments}: {} for {expected}",
+                got[0]
+            );
+        }
+    }
 
     /// Coefficients from dark to almost clear.
     pub(crate) const MEDIA: [Coefficients; 5] = [

@@ -105,7 +105,17 @@ impl ForwardModel for KienlePattersonModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_sources::tests::{MEDIA, check_gradients, check_integrals};
+    use crate::dipole::tests::argument;
+    use crate::image_sources::tests::{
+        MEDIA, check_against_integrals, check_gradients, check_integrals,
+    };
+
+    #[test]
+    fn agrees_with_an_independent_integration() {
+        check_against_integrals("kienle-patterson", 1e-9, |arguments| {
+            KienlePattersonModel::new(argument(arguments, "eta"))
+        });
+    }
 
     #[test]
     fn gradients_are_central_differences() {

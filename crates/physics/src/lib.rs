@@ -14,6 +14,9 @@
 //! | [`dipole`] | the diffusion dipole of Jensen et al. (2001), its gradient, total and inverse |
 //! | [`kienle_patterson`] | the dipole with flux and fluence, each with its weight |
 //! | [`better_dipole`] | the same with Grosjean's diffusion coefficient |
+//! | [`photon_beam_diffusion`] | sources along the whole beam, and single scattering as such |
+//! | [`multipole`] | slabs: reflectance and transmittance |
+//! | [`directional`] | a ray source, for oblique beams |
 //! | [`brdf`] | the BSSRDF folded into a BRDF under uniform light |
 //! | [`first_order`] | light that scatters once in a stack of layers (Hanrahan and Krueger 1993) |
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
@@ -28,6 +31,7 @@
 pub mod better_dipole;
 pub mod brdf;
 pub mod dipole;
+pub mod directional;
 pub mod first_order;
 pub mod footprint;
 pub mod frame;
@@ -39,13 +43,16 @@ pub mod material;
 pub mod medium;
 pub mod model;
 pub mod mosaic;
+pub mod multipole;
 pub mod phase;
+pub mod photon_beam_diffusion;
 pub mod profile;
 pub mod radiance;
 pub mod simd;
 
 pub use better_dipole::BetterDipoleModel;
 pub use dipole::{Dipole, DipoleModel};
+pub use directional::{DirectionalModel, ObliqueBeam};
 pub use first_order::{FirstOrder, Reflections};
 pub use footprint::{Blur, Footprints, Rows};
 pub use frame::{Frame, Samples, Sensor};
@@ -56,6 +63,8 @@ pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
 pub use model::{ForwardModel, Gradient, Trust};
 pub use mosaic::Mosaic;
+pub use multipole::{MultipoleModel, Slab};
 pub use phase::{HenyeyGreenstein, Phase, PhaseFunction, PhaseMixture, TabulatedPhase};
+pub use photon_beam_diffusion::PhotonBeamDiffusionModel;
 pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
 pub use radiance::{ChannelMap, RadianceMap};

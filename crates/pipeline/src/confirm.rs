@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::fitting::Given;
 use crate::library;
-use crate::simulation::{self, HalfSpaceRun};
+use crate::simulation::{self, SpotRun};
 use fit::Fit;
 use physics::{Blur, Footprints, Medium, ProfilePoint, RadialProfile, ReducedMedium, fresnel};
 use serde::Serialize;
@@ -76,9 +76,10 @@ pub fn confirm(fit: &Fit, profile: &RadialProfile, given: &Given) -> Result<Opti
         eta: given.eta,
     }
     .with_g(g);
+    let slab = given.model.slab.map(|slab| slab.at(given.eta));
     let reach = edges.last().copied().unwrap_or(0.0);
     let cutoff = LONGEST_PATHS * reach * reach * c.sigma_t_prime();
-    let run = simulation::half_space(&medium, given.beam, edges, cutoff, PHOTONS, SEED)?;
+    let run = simulation::spot(&medium, slab, given.beam, edges, cutoff, PHOTONS, SEED)?;
     Ok(Some(compare(&run, fit, given, g)?))
 }
 
@@ -96,7 +97,7 @@ fn contiguous_edges(profile: &RadialProfile) -> Option<Vec<f64>> {
     Some(edges)
 }
 
-fn compare(run: &HalfSpaceRun, fit: &Fit, given: &Given, g: f64) -> Result<Confirmation> {
+fn compare(run: &SpotRun, fit: &Fit, given: &Given, g: f64) -> Result<Confirmation> {
     let model = library::model(&given.model, given.eta)?;
     let entering = fresnel::entry_factor(given.eta, 1.0);
     let curve: Vec<ProfilePoint> = run

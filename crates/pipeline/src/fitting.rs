@@ -119,12 +119,23 @@ pub fn fit_channel(
             case.given.eta = eta;
         })?;
     }
-    if given.u_length_relative > 0.0 {
+    let u_length = given.u_length_relative;
+    if given.model.slab.is_some() && u_length > 0.0 {
+        // The thickness was not measured in pixels and stays.
+        neighbours.add(
+            "mm per pixel",
+            [-u_length, u_length],
+            0.5,
+            |case, change| {
+                case.stretch(1.0 + change);
+            },
+        )?;
+    } else if u_length > 0.0 {
         // Lengths all scale together, and coefficients as their inverse; totals do not move.
         neighbours.lines.push(Contribution::of_change(
             "mm per pixel",
-            -best.sigma_a.value * given.u_length_relative,
-            -best.sigma_s_prime.value * given.u_length_relative,
+            -best.sigma_a.value * u_length,
+            -best.sigma_s_prime.value * u_length,
         ));
     }
     if given.u_fwhm_mm > 0.0 {
@@ -178,6 +189,33 @@ impl Case {
             t.total_reflectance *= total;
             t.u_total_reflectance *= total;
         }
+    }
+}
+
+impl Case {
+    /// Every length of the picture times `factor`, and light per area accordingly.
+    fn stretch(&mut self, factor: f64) {
+        for p in &mut self.profile.points {
+            p.radius_mm *= factor;
+            p.ring_mm = p.ring_mm.map(|(a, b)| (a * factor, b * factor));
+            p.reflectance_per_mm2 /= factor * factor;
+            p.u_reflectance_per_mm2 /= factor * factor;
+        }
+        if let Some(t) = &mut self.total {
+            t.radius_max_mm = t.radius_max_mm.map(|r| r * factor);
+        }
+        let given = &mut self.given;
+        given.range_mm = given.range_mm.map(|(a, b)| (a * factor, b * factor));
+        given.pixel_mm *= factor;
+        given.beam = match given.beam {
+            Beam::Point => Beam::Point,
+            Beam::Gaussian { fwhm_mm } => Beam::Gaussian {
+                fwhm_mm: fwhm_mm * factor,
+            },
+            Beam::Disk { fwhm_mm } => Beam::Disk {
+                fwhm_mm: fwhm_mm * factor,
+            },
+        };
     }
 }
 

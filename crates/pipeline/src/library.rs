@@ -3,7 +3,8 @@
 use crate::error::{Blame, Error, Kind, Result};
 use formats::materials_csv;
 use physics::{
-    BetterDipoleModel, DiffuseFresnel, DipoleModel, ForwardModel, KienlePattersonModel, Material,
+    BetterDipoleModel, DiffuseFresnel, DipoleModel, DirectionalModel, ForwardModel,
+    KienlePattersonModel, Material, MultipoleModel, ObliqueBeam, PhotonBeamDiffusionModel, Slab,
 };
 use transport::TransportModel;
 
@@ -45,11 +46,14 @@ pub fn material(name: &str) -> Result<Vec<Material>> {
 }
 
 /// The names of the models that a fit can use.
-pub const MODELS: [&str; 5] = [
+pub const MODELS: [&str; 8] = [
     "dipole",
     "jensen2001",
     "better-dipole",
     "kienle-patterson",
+    "photon-beam-diffusion",
+    "multipole",
+    "directional",
     "monte-carlo",
 ];
 
@@ -60,12 +64,70 @@ pub struct ModelChoice {
     pub name: String,
     /// Mean cosine of the scattering angle, where it is known.
     pub g: Option<f64>,
+    /// The slab that the sample is, where it has an end.
+    pub slab: Option<SlabChoice>,
+    /// The beam: which way it falls, and where the profile has its centre.
+    pub beam: ObliqueBeam,
+}
+
+/// A slab, at every relative index.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlabChoice {
+    /// Thickness, mm.
+    pub thickness_mm: f64,
+    /// Index of the slab over that of what lies below; `None` where that is what lies above.
+    pub eta_below: Option<f64>,
+}
+
+impl SlabChoice {
+    /// The slab at relative index `eta`.
+    pub fn at(&self, eta: f64) -> Slab {
+        Slab {
+            thickness_mm: self.thickness_mm,
+            eta_below: self.eta_below.unwrap_or(eta),
+        }
+    }
 }
 
 impl ModelChoice {
     /// Whether the model depends on g.
     pub fn uses_g(&self) -> bool {
-        self.name == "monte-carlo"
+        ["monte-carlo", "photon-beam-diffusion"].contains(&self.name.as_str())
+    }
+
+    /// Whether the model depends on the thickness of the sample.
+    pub fn uses_slab(&self) -> bool {
+        self.name == "multipole"
+    }
+
+    /// Whether the model depends on the way the beam falls.
+    pub fn uses_beam(&self) -> bool {
+        self.name == "directional"
+    }
+
+    /// Every model that what is known here allows, in the order of [`MODELS`]: the one with g
+    /// where g is known and in its table, the one of slabs where there is a thickness.
+    pub fn all(&self, eta: f64) -> Vec<Self> {
+        MODELS
+            .iter()
+            .map(|name| self.called(name))
+            .filter(|choice| model(choice, eta).is_ok())
+            .collect()
+    }
+
+    /// The same sample under the model called `name`, without what that does not use.
+    pub fn called(&self, name: &str) -> Self {
+        let mut choice = Self {
+            name: name.to_owned(),
+            ..self.clone()
+        };
+        if !choice.uses_g() {
+            choice.g = None;
+        }
+        if !choice.uses_slab() {
+            choice.slab = None;
+        }
+        choice
     }
 }
 
@@ -74,6 +136,8 @@ impl Default for ModelChoice {
         Self {
             name: MODELS[0].to_owned(),
             g: None,
+            slab: None,
+            beam: ObliqueBeam::NORMAL,
         }
     }
 }
@@ -82,8 +146,8 @@ impl Default for ModelChoice {
 ///
 /// # Errors
 ///
-/// A name that is not there is answered with those that are; a g that the model does not use is
-/// refused, not ignored.
+/// A name that is not there is answered with those that are; a g or a thickness that the model does
+/// not use is refused, not ignored.
 pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
     let name = choice.name.as_str();
     physics::ReducedMedium {
@@ -93,7 +157,26 @@ pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
     }
     .validated()
     .input("eta")?;
-    if choice.uses_g() {
+    if !MODELS.contains(&name) {
+        let message = format!(
+            "no model is called `{name}`; there are {}, and all",
+            MODELS.join(", ")
+        );
+        return Err(Error::new(Kind::Usage, message));
+    }
+    if let Some(g) = choice.g.filter(|_| !choice.uses_g()) {
+        let message = format!("model {name} does not use g, got {g}: leave it out");
+        return Err(Error::new(Kind::Usage, message));
+    }
+    if let Some(slab) = choice.slab.filter(|_| !choice.uses_slab()) {
+        let message = format!(
+            "model {name} takes the sample as infinitely thick, got a thickness of {} mm: leave \
+             it out, or take model multipole",
+            slab.thickness_mm
+        );
+        return Err(Error::new(Kind::Usage, message));
+    }
+    if name == "monte-carlo" {
         let g = choice.g.ok_or_else(|| {
             let message = "model monte-carlo needs g, the mean cosine of the scattering angle, which \
                            shapes the profile near the beam: give --g (0.8 to 0.95 for tissue and \
@@ -104,21 +187,54 @@ pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
             TransportModel::new(eta, g).input("model monte-carlo")?,
         ));
     }
-    if let Some(g) = choice.g {
-        let message = format!("model {name} does not use g, got {g}: leave it out");
-        return Err(Error::new(Kind::Usage, message));
+    if name == "multipole" {
+        let slab = choice.slab.ok_or_else(|| {
+            let message = "model multipole needs the thickness of the sample: give --thickness, or \
+                           thickness_mm under [sample]";
+            Error::new(Kind::Usage, message)
+        })?;
+        return Ok(Box::new(MultipoleModel::new(eta, checked(&slab, eta)?)));
     }
     match name {
         "dipole" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::Exact))),
         "jensen2001" => Ok(Box::new(DipoleModel::new(eta, DiffuseFresnel::RationalFit))),
         "better-dipole" => Ok(Box::new(BetterDipoleModel::new(eta))),
         "kienle-patterson" => Ok(Box::new(KienlePattersonModel::new(eta))),
-        _ => {
-            let message = format!(
-                "no model is called `{name}`; there are {}",
-                MODELS.join(", ")
-            );
-            Err(Error::new(Kind::Usage, message))
+        "photon-beam-diffusion" => {
+            let g = choice.g.unwrap_or(0.0);
+            // The phase function needs a g of its own domain.
+            physics::Medium {
+                sigma_a: 0.0,
+                sigma_s: 1.0,
+                g,
+                eta,
+            }
+            .validated()
+            .input("model photon-beam-diffusion")?;
+            Ok(Box::new(PhotonBeamDiffusionModel::new(eta, g)))
         }
+        "directional" => Ok(Box::new(DirectionalModel::new(eta, choice.beam))),
+        _ => unreachable!("every name in MODELS has its arm"),
     }
+}
+
+/// The slab of `choice` at relative index `eta`, if there can be one.
+fn checked(choice: &SlabChoice, eta: f64) -> Result<Slab> {
+    let slab = choice.at(eta);
+    if !(slab.thickness_mm > 0.0 && slab.thickness_mm.is_finite()) {
+        let message = format!(
+            "the thickness of a slab must be above 0 mm, got {} mm: leave it out for a sample \
+             without end",
+            slab.thickness_mm
+        );
+        return Err(Error::new(Kind::Usage, message));
+    }
+    physics::ReducedMedium {
+        sigma_a: 0.0,
+        sigma_s_prime: 1.0,
+        eta: slab.eta_below,
+    }
+    .validated()
+    .input("eta_below, the index of the sample over that of what lies below")?;
+    Ok(slab)
 }

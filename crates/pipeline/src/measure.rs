@@ -5,7 +5,7 @@ use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given, ScaleInput};
-use crate::library::ModelChoice;
+use crate::library::{ModelChoice, SlabChoice};
 use crate::monitor::Monitor;
 use crate::sensing::{Found, Sensing};
 use fit::{Constraint, Fit};
@@ -311,7 +311,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let materials = fitting::materials(&fits, &capture.material, &given)?;
     Ok(Measurement {
         material: capture.material.clone(),
-        assumptions: assumptions(capture, &radiance.estimated),
+        assumptions: assumptions(capture, &given.model, &radiance.estimated),
         radiance,
         measured,
         given,
@@ -374,12 +374,20 @@ fn exit(capture: &manifest::Capture) -> Exit {
     }
 }
 
-/// The model that was asked for, with the manifest's g where it uses one and none was typed.
+/// The model that was asked for, with what the manifest knows of the sample where it uses that: g,
+/// where none was typed, the thickness and the way the beam falls.
 fn chosen_model(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
     let mut model = choices.model.clone();
     if model.uses_g() {
         model.g = model.g.or(capture.model.g);
     }
+    if model.uses_slab() {
+        model.slab = capture.sample.thickness_mm.map(|thickness_mm| SlabChoice {
+            thickness_mm,
+            eta_below: capture.sample.eta_below,
+        });
+    }
+    model.beam.angle = capture.beam.angle_deg.to_radians();
     model
 }
 
@@ -405,7 +413,11 @@ fn given(capture: &manifest::Capture, choices: &Choices, model: ModelChoice) -> 
     }
 }
 
-fn assumptions(capture: &manifest::Capture, estimated: &[String]) -> Vec<String> {
+fn assumptions(
+    capture: &manifest::Capture,
+    model: &ModelChoice,
+    estimated: &[String],
+) -> Vec<String> {
     let mut lines = vec![(
         "u holds noise, white reference, eta, length and beam; not the error of the model itself, \
          which for the dipole is about 6 % of sigma_a and sigma_s' in bright materials and tens of \
@@ -426,13 +438,17 @@ fn assumptions(capture: &manifest::Capture, estimated: &[String]) -> Vec<String>
                 .to_owned(),
         );
     }
-    if let Some(thickness) = capture.sample.thickness_mm {
+    if let Some(thickness) = capture.sample.thickness_mm.filter(|_| !model.uses_slab()) {
         lines.push(format!(
             "the sample was taken as infinitely thick; sample.thickness_mm = {thickness} is not \
-             used by this model"
+             used by this model: take --model multipole"
         ));
     }
-    if capture.beam.angle_deg > 0.0 || capture.camera.angle_deg > 0.0 {
+    if model.uses_beam() {
+        lines.push(
+            "the centre of the profile was taken as the point where the beam enters".to_owned(),
+        );
+    } else if capture.beam.angle_deg > 0.0 || capture.camera.angle_deg > 0.0 {
         lines.push(
             "angles of beam and camera act on the light that enters and leaves alone; the picture \
              was taken as seen from above"

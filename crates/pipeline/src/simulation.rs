@@ -11,8 +11,8 @@ use montecarlo::{
     Binned, Direction, Estimate, Incidence, Layer, LayeredMedium, PHOTONS_PER_BLOCK, Phase, Side,
     SimdPath, Simulation, TabulatedPhase, Tally, TallySpec, TallyState, Walk, solid_angle,
 };
-use physics::RadialProfile;
 use physics::footprint::Beam;
+use physics::{RadialProfile, Slab};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -496,27 +496,28 @@ fn binned(
 
 /// What a photon count finds of one homogeneous half-space under a beam.
 #[derive(Clone, Debug)]
-pub struct HalfSpaceRun {
+pub struct SpotRun {
     /// Exitance per incident power in each of the rings.
     pub points: Vec<physics::ProfilePoint>,
     /// Photons followed.
     pub photons: u64,
 }
 
-/// Follows `photons` into a half-space and counts what leaves within `radius_mm`, edges of rings
+/// Follows `photons` into a half-space, or a `slab` of it, and counts what leaves within `radius_mm`, edges of rings
 /// from 0 outward. Paths longer than `path_cutoff_mm` are dropped.
 ///
 /// # Errors
 ///
 /// The medium cannot be simulated.
-pub fn half_space(
+pub fn spot(
     medium: &physics::Medium,
+    slab: Option<Slab>,
     beam: Beam,
     radius_mm: Vec<f64>,
     path_cutoff_mm: f64,
     photons: u64,
     seed: u64,
-) -> Result<HalfSpaceRun> {
+) -> Result<SpotRun> {
     let tally = TallySpec {
         radius_mm,
         path_cutoff_mm: Some(path_cutoff_mm),
@@ -526,10 +527,14 @@ pub fn half_space(
         beam,
         ..Incidence::PENCIL
     };
-    let simulation = Simulation::new(LayeredMedium::half_space(medium), incidence, &tally, seed)
-        .input("Monte Carlo")?;
+    let mut layers = LayeredMedium::half_space(medium);
+    if let (Some(slab), [layer]) = (slab, &mut layers.layers[..]) {
+        layer.thickness_mm = Some(slab.thickness_mm);
+        layers.eta_below = medium.eta / slab.eta_below;
+    }
+    let simulation = Simulation::new(layers, incidence, &tally, seed).input("Monte Carlo")?;
     let tally = simulation.run_photons(photons).input("Monte Carlo")?;
-    Ok(HalfSpaceRun {
+    Ok(SpotRun {
         points: tally.profile(Side::Above),
         photons: tally.photons(),
     })

@@ -206,6 +206,7 @@ fn manifest_of(
         },
         sample: manifest::Sample {
             thickness_mm: None,
+            eta_below: None,
             frames: entries(Role::Sample),
             dark: entries(Role::SampleDark),
         },

@@ -4,13 +4,14 @@ use super::print;
 use crate::args::{Common, FitArgs};
 use ::fit::{Constraint, Fit};
 use ::profile::Exit;
-use physics::TotalReflectance;
 use physics::footprint::Beam;
+use physics::{ObliqueBeam, TotalReflectance};
 use pipeline::capture::Input;
 use pipeline::error::Blame;
 use pipeline::files::{Outputs, read, split};
 use pipeline::fit_json::FitDocument;
 use pipeline::fitting::{self, Given, ScaleInput};
+use pipeline::library::{ModelChoice, SlabChoice};
 use pipeline::{Error, Kind, Result};
 use std::io::Write;
 use std::path::PathBuf;
@@ -50,13 +51,13 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         );
     }
     let given = Given {
-        model: args.fit.model(),
+        model: model(args)?,
         constraint,
         range_mm: args.fit.range,
         eta: args.eta,
         u_eta: 0.0,
         entry_loss: args.entry_loss,
-        cos_beam: 1.0,
+        cos_beam: args.beam_angle.to_radians().cos(),
         exit: Exit::Lambert,
         u_length_relative: 0.0,
         beam: match args.beam_fwhm {
@@ -107,6 +108,30 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         print::line(out, note)?;
     }
     print::fits(out, &fits)
+}
+
+/// The model with what the command line knows of the sample.
+fn model(args: &FitArgs) -> Result<ModelChoice> {
+    let choice = ModelChoice {
+        slab: args.thickness.map(|thickness_mm| SlabChoice {
+            thickness_mm,
+            eta_below: args.eta_below,
+        }),
+        beam: ObliqueBeam {
+            angle: args.beam_angle.to_radians(),
+            center_mm: args.center_offset,
+        },
+        ..args.fit.model()
+    };
+    if args.center_offset != 0.0 && !choice.uses_beam() {
+        let message = format!(
+            "model {} has its centre where the beam enters, got --center-offset {}: leave it out, \
+             or take model directional",
+            choice.name, args.center_offset
+        );
+        return Err(Error::new(Kind::Usage, message));
+    }
+    Ok(choice)
 }
 
 /// Totals from the command line, or from the file beside the profile.

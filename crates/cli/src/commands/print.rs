@@ -25,6 +25,7 @@ impl FitChoice {
         ModelChoice {
             name: self.model.clone(),
             g: self.g,
+            ..ModelChoice::default()
         }
     }
 }

@@ -42,6 +42,7 @@ pub(crate) fn run(
     let model = ModelChoice {
         name: model.clone(),
         g: *g,
+        ..ModelChoice::default()
     };
     let capture = synthesis::write(
         &sample,

@@ -326,6 +326,8 @@ impl Capture<Frames> {
             POSITIVE,
             thickness,
         )?;
+        let index = "the index of the sample over that of what lies below, from 0.2 to 5";
+        within("sample.eta_below", sample.eta_below, 0.2..=5.0, index)?;
         let share = "a share above 0 and at most 1.05, as 0.99 for a white of 99 %";
         let whites = (Bound::Excluded(0.0), Bound::Included(1.05));
         within(
@@ -386,6 +388,7 @@ impl Capture<Frames> {
             model: self.model,
             sample: Sample {
                 thickness_mm: sample.thickness_mm,
+                eta_below: sample.eta_below,
                 frames: find("sample.frames", sample.frames)?,
                 dark: find("sample.dark", sample.dark)?,
             },
@@ -501,6 +504,7 @@ exit = "lambert"
 
 [sample]
 thickness_mm = 10
+eta_below = 1.1
 frames = [
   { file = "sample_01.tif", exposure_s = 0.001 },
   { file = "sample_02.tif", exposure_s = 0.002 },

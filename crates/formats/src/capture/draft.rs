@@ -63,7 +63,7 @@ fwhm_mm = {mark}                   # full width at half maximum on the sample; 0
 # white_level_dn =              # count at which a pixel saturates{response}
 
 [sample]
-# thickness_mm =                # left out: so thick that no light comes out behind
+# thickness_mm =                # left out: so thick that no light comes out behind; else measure with --model multipole
 frames = {}
 dark = {}
 

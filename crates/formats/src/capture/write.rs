@@ -69,6 +69,7 @@ impl Capture {
 
         text.section("sample");
         text.optional("thickness_mm", sample.thickness_mm);
+        text.optional("eta_below", sample.eta_below);
         text.frames("frames", &sample.frames);
         text.frames("dark", &sample.dark);
 
