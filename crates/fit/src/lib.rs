@@ -11,6 +11,7 @@
 //! | `problem` | which data with which weight, with pixels counted once |
 //! | `equations` | the normal equations with every nuisance eliminated |
 //! | `conclude` | from the optimum to numbers with uncertainties |
+//! | `many` | [`fit_many`]: many profiles on the same radii, on all threads |
 //! | `solve` | the search: a scan that cannot miss, then Gauss-Newton |
 //! | `range` | which radii a diffusion model can speak for |
 //!
@@ -22,6 +23,7 @@ mod budget;
 mod conclude;
 mod equations;
 mod geometry;
+mod many;
 mod options;
 mod problem;
 mod range;
@@ -29,6 +31,7 @@ mod result;
 mod solve;
 
 pub use budget::Contribution;
+pub use many::{ManyFits, Profiles, Totals, fit_many};
 pub use options::{Constraint, Direction, DirectionKind, FitOptions};
 pub use result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
 
@@ -53,7 +56,16 @@ pub fn fit(
     model: &dyn ForwardModel,
     options: &FitOptions,
 ) -> Result<Fit, FitError> {
-    problem::check(profile, total, options)?;
+    let channel = || profile.channel.clone();
+    let measured = total.map(Into::into);
+    let points = &profile.points;
+    problem::check_options(options, points.len())?;
+    problem::check_radii(&channel, points.iter().map(|p| p.radius_mm))?;
+    let pairs = points
+        .iter()
+        .map(|p| (p.reflectance_per_mm2, p.u_reflectance_per_mm2));
+    problem::check_values(&channel, points, pairs, measured, options)?;
+    problem::check_total(&channel, measured, options)?;
     let geometry = Geometry::new(&profile.points, options)?;
     let of_points = |f: fn(&ProfilePoint) -> f64| -> Vec<f64> {
         let points = geometry.indices.iter();
@@ -63,15 +75,15 @@ pub fn fit(
         geometry: &geometry,
         value: &of_points(|p| p.reflectance_per_mm2),
         u: &of_points(|p| p.u_reflectance_per_mm2),
-        total: total
-            .filter(|_| options.constraint != Constraint::None)
-            .map(Into::into),
+        total: measured.filter(|_| options.constraint != Constraint::None),
         model,
         options,
-        channel: &|| profile.channel.clone(),
+        channel: &channel,
     };
     let (mut problem, solution, warning) = search(data, Memory::default())?;
-    Ok(problem.conclude(&solution, warning))
+    let mut found = problem.conclude(&solution, warning);
+    found.warnings.extend(problem::suspicions(profile, &found));
+    Ok(found)
 }
 
 /// Rounds after which a range, or a discrepancy, that will not settle is taken as it is.

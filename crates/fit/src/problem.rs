@@ -4,10 +4,12 @@ use crate::equations::{Terms, TotalRow, Workspace};
 use crate::geometry::Geometry;
 use crate::options::{Constraint, DirectionKind, FitOptions};
 use crate::range;
-use crate::result::FitError;
+use crate::result::{Fit, FitError, Residual, Warning};
 use crate::solve::Solution;
 use nalgebra::{Matrix2, Vector2};
-use physics::{Coefficients, ForwardModel, Gradient, RadialProfile, Rows, TotalReflectance};
+use physics::{
+    Coefficients, ForwardModel, Gradient, ProfilePoint, RadialProfile, Rows, TotalReflectance,
+};
 use std::ops::Range;
 
 /// Where the search stands: the coordinates in which the data are nearly linear.
@@ -144,13 +146,8 @@ pub(crate) struct Problem<'a> {
     pub(crate) memory: Memory,
 }
 
-/// Refuses what no search could make sense of.
-pub(crate) fn check(
-    profile: &RadialProfile,
-    total: Option<&TotalReflectance>,
-    options: &FitOptions,
-) -> Result<(), FitError> {
-    let channel = || profile.channel.clone();
+/// Refuses options outside their domain, for profiles of so many points.
+pub(crate) fn check_options(options: &FitOptions, points: usize) -> Result<(), FitError> {
     let u_scale = options.u_scale_relative;
     if !((0.0..1.0).contains(&u_scale) || u_scale == f64::INFINITY) {
         let expected = "at least 0 and below 1 (or infinite: not known at all)";
@@ -159,6 +156,9 @@ pub(crate) fn check(
             found: u_scale,
             expected,
         });
+    }
+    if u_scale == f64::INFINITY && options.constraint == Constraint::Exact {
+        return Err(FitError::ScaleIsExact);
     }
     let entry = options.entry_factor;
     if !(entry > 0.0 && entry <= 1.0) {
@@ -170,16 +170,51 @@ pub(crate) fn check(
         });
     }
     for direction in &options.directions {
-        let (found, expected) = (direction.profile.len(), profile.points.len());
+        let found = direction.profile.len();
         let finite = direction.total.is_finite() && direction.profile.iter().all(|x| x.is_finite());
-        if found != expected || !finite {
+        if found != points || !finite {
+            let expected = points;
             return Err(FitError::BadDirection { found, expected });
         }
     }
+    Ok(())
+}
+
+/// Refuses radii that do not increase.
+pub(crate) fn check_radii(
+    channel: &dyn Fn() -> String,
+    radii: impl Iterator<Item = f64>,
+) -> Result<(), FitError> {
     let mut previous_mm = f64::NEG_INFINITY;
-    let mut best = f64::NEG_INFINITY;
-    for p in &profile.points {
-        let (value, u) = (p.reflectance_per_mm2, p.u_reflectance_per_mm2);
+    for radius_mm in radii {
+        if radius_mm <= previous_mm || !radius_mm.is_finite() || radius_mm < 0.0 {
+            return Err(FitError::RadiiNotIncreasing {
+                channel: channel(),
+                radius_mm,
+                previous_mm,
+            });
+        }
+        previous_mm = radius_mm;
+    }
+    Ok(())
+}
+
+/// Times more light than can come back at which a profile must be in another unit: less could be
+/// noise, or the coarseness of an integral over a few radii.
+const IMPOSSIBLE: f64 = 3.0;
+
+/// Refuses values that are no measurement, hold no signal, or more light than there is. `data`
+/// are value and standard uncertainty of each point of `at`; `total` is the measured one.
+pub(crate) fn check_values(
+    channel: &dyn Fn() -> String,
+    at: &[ProfilePoint],
+    data: impl Iterator<Item = (f64, f64)>,
+    total: Option<Measured>,
+    options: &FitOptions,
+) -> Result<(), FitError> {
+    let (mut best, mut integral) = (f64::NEG_INFINITY, 0.0);
+    let mut before: Option<(f64, f64)> = None;
+    for (p, (value, u)) in at.iter().zip(data) {
         if !(value.is_finite() && u.is_finite() && u > 0.0) {
             return Err(FitError::BadPoint {
                 channel: channel(),
@@ -188,17 +223,16 @@ pub(crate) fn check(
                 u,
             });
         }
-        if p.radius_mm <= previous_mm || !p.radius_mm.is_finite() || p.radius_mm < 0.0 {
-            return Err(FitError::RadiiNotIncreasing {
-                channel: channel(),
-                radius_mm: p.radius_mm,
-                previous_mm,
-            });
-        }
-        previous_mm = p.radius_mm;
         best = best.max(value / u);
+        let around = 2.0 * std::f64::consts::PI * p.radius_mm * value;
+        integral += match (p.ring_mm, before) {
+            (Some(_), _) => p.area_mm2() * value,
+            (None, Some((r, last))) => 0.5 * (around + last) * (p.radius_mm - r),
+            (None, None) => 0.0,
+        };
+        before = Some((p.radius_mm, around));
     }
-    if profile.points.is_empty() {
+    if at.is_empty() {
         let (start_mm, end_mm) = options.range_mm.unwrap_or((0.0, 0.0));
         return Err(FitError::TooFewPoints {
             channel: channel(),
@@ -214,13 +248,32 @@ pub(crate) fn check(
             best,
         });
     }
+    let u_scale = options.u_scale_relative;
+    // A circle smaller than the profile holds less than it.
+    let whole = total.filter(|t| t.radius_max_mm.is_none());
+    let most = whole.map_or(options.entry_factor, |t| t.total.min(options.entry_factor));
+    if u_scale.is_finite() && most > 0.0 && integral > IMPOSSIBLE * most * (1.0 + 3.0 * u_scale) {
+        return Err(FitError::ImpossibleIntegral {
+            channel: channel(),
+            integral,
+            most,
+        });
+    }
+    Ok(())
+}
+
+/// Refuses a total that is none, or more than can come back.
+pub(crate) fn check_total(
+    channel: &dyn Fn() -> String,
+    total: Option<Measured>,
+    options: &FitOptions,
+) -> Result<(), FitError> {
     if options.constraint == Constraint::None {
         return Ok(());
     }
-    let Some(t) = total else {
+    let Some(Measured { total, u, .. }) = total else {
         return Err(FitError::NoTotal { channel: channel() });
     };
-    let (total, u) = (t.total_reflectance, t.u_total_reflectance);
     let own_u_is_missing = options.constraint == Constraint::Joint && u == 0.0;
     if !(total.is_finite() && total > 0.0 && u.is_finite() && u >= 0.0) || own_u_is_missing {
         return Err(FitError::BadTotal {
@@ -229,16 +282,51 @@ pub(crate) fn check(
             u,
         });
     }
-    let u = u.hypot(total * u_scale);
-    if total > entry + 3.0 * u {
+    let u = u.hypot(total * options.u_scale_relative);
+    if total > options.entry_factor + 3.0 * u {
         return Err(FitError::TotalAboveCeiling {
             channel: channel(),
             total,
             u,
-            ceiling: entry,
+            ceiling: options.entry_factor,
         });
     }
     Ok(())
+}
+
+/// Standard uncertainties below 0 at which a value is more than noise.
+const BELOW_ZERO: f64 = 5.0;
+/// Share of all the weight at which one point decides alone.
+const ALONE: f64 = 0.95;
+
+/// What is possible, but strange, about the data behind a fit.
+pub(crate) fn suspicions(profile: &RadialProfile, found: &Fit) -> Vec<Warning> {
+    let mut warnings = vec![];
+    let below = |p: &ProfilePoint| p.reflectance_per_mm2 / p.u_reflectance_per_mm2;
+    let lowest = profile
+        .points
+        .iter()
+        .min_by(|a, b| below(a).total_cmp(&below(b)));
+    if let Some(p) = lowest.filter(|p| below(p) < -BELOW_ZERO) {
+        warnings.push(Warning::NegativeLight {
+            radius_mm: p.radius_mm,
+            value: p.reflectance_per_mm2,
+            u: p.u_reflectance_per_mm2,
+        });
+    }
+    let says = |r: &Residual| (r.model_per_mm2 / r.u_per_mm2).powi(2);
+    let all: f64 = found.residuals.iter().map(says).sum();
+    let most = found
+        .residuals
+        .iter()
+        .max_by(|a, b| says(a).total_cmp(&says(b)));
+    if let Some(r) = most.filter(|r| says(r) > ALONE * all && found.residuals.len() > 1) {
+        warnings.push(Warning::OnePointDecides {
+            radius_mm: r.radius_mm,
+            percent: 100.0 * says(r) / all,
+        });
+    }
+    warnings
 }
 
 /// Points it takes to leave a degree of freedom.

@@ -115,6 +115,28 @@ pub enum Warning {
         /// 95 % upper limit of σₐ, mm⁻¹.
         upper_limit: f64,
     },
+    /// A value lies below 0 by more than noise can do.
+    #[error(
+        "the reflectance {value:.3e} mm^-2 at {radius_mm:.3} mm is below 0 by many times its u of {u:.1e}: too much was taken away as dark, or the stated noise is too small"
+    )]
+    NegativeLight {
+        /// Where, mm.
+        radius_mm: f64,
+        /// The value, mm⁻².
+        value: f64,
+        /// Its standard uncertainty, mm⁻².
+        u: f64,
+    },
+    /// One point outweighs all others together.
+    #[error(
+        "the point at {radius_mm:.3} mm carries {percent:.0} % of all the weight, so that nothing checks it: look at its uncertainty"
+    )]
+    OnePointDecides {
+        /// Where, mm.
+        radius_mm: f64,
+        /// Its share, percent.
+        percent: f64,
+    },
     /// Much light leaves outside the picture.
     #[error("{percent:.1} % of the light leaves outside the picture, by the model")]
     LightOutside {
@@ -257,6 +279,23 @@ pub enum FitError {
         /// The model's largest.
         ceiling: f64,
     },
+    /// A profile holds more light than there is.
+    #[error(
+        "channel {channel}: the profile integrates to {integral:.3}, and no more than {most:.3} of the incident light can come back: is it in another unit? Radii must be mm and reflectances mm^-2 (a value in cm^-2 is 100 times one in mm^-2, one in cm^-1 10 times)"
+    )]
+    ImpossibleIntegral {
+        /// Name of the channel.
+        channel: String,
+        /// ∫ R 2πr dr of the profile.
+        integral: f64,
+        /// The most that it can be: the measured total or what enters.
+        most: f64,
+    },
+    /// A free scale contradicts the hard constraint.
+    #[error(
+        "the constraint exact takes the scale as true, so it cannot be free as well: fit joint or none"
+    )]
+    ScaleIsExact,
     /// The beam covers the profile.
     #[error(
         "the profile ends at {profile_mm} mm, inside the beam ({beam_mm} mm are four standard deviations): give the range, or a narrower beam"

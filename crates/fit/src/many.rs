@@ -1,0 +1,221 @@
+//! Many profiles on the same radii at once.
+
+use crate::conclude::Summary;
+use crate::geometry::Geometry;
+use crate::options::{Constraint, FitOptions};
+use crate::problem::{self, Data, Measured, Memory};
+use crate::result::{FitError, Termination};
+use physics::{ForwardModel, ProfilePoint};
+use rayon::prelude::*;
+
+/// Profiles that share their radii, as arrays.
+#[derive(Clone, Copy, Debug)]
+pub struct Profiles<'a> {
+    /// Where the points lie: rings and radii; what else these hold is not looked at.
+    pub points: &'a [ProfilePoint],
+    /// Exitance per incident power, mm⁻², by profile and then by point: n × points.
+    pub reflectance_per_mm2: &'a [f64],
+    /// Standard uncertainties, mm⁻²: n × points, or one run of points that all profiles share.
+    pub u_reflectance_per_mm2: &'a [f64],
+    /// The totals, where the constraint needs them.
+    pub totals: Option<Totals<'a>>,
+}
+
+/// Total reflectances of many profiles.
+#[derive(Clone, Copy, Debug)]
+pub struct Totals<'a> {
+    /// Exitance per incident power inside the circle: n.
+    pub total_reflectance: &'a [f64],
+    /// Standard uncertainty that each has for itself: n.
+    pub u_total_reflectance: &'a [f64],
+    /// Radius of the circle of all, mm; `None` for the whole plane. As in [`crate::fit`].
+    pub radius_max_mm: Option<f64>,
+}
+
+/// What [`fit_many`] finds, one array a quantity, one number a profile.
+///
+/// A profile that could not be fitted has NaN in every array, [`None`] for its termination and
+/// its reason in [`Self::errors`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ManyFits {
+    /// Absorption coefficients, mm⁻¹.
+    pub sigma_a: Vec<f64>,
+    /// Their standard uncertainties, mm⁻¹.
+    pub u_sigma_a: Vec<f64>,
+    /// Lower ends of their 95 % intervals, mm⁻¹.
+    pub sigma_a_low: Vec<f64>,
+    /// Upper ends of their 95 % intervals, mm⁻¹.
+    pub sigma_a_high: Vec<f64>,
+    /// Reduced scattering coefficients, mm⁻¹.
+    pub sigma_s_prime: Vec<f64>,
+    /// Their standard uncertainties, mm⁻¹.
+    pub u_sigma_s_prime: Vec<f64>,
+    /// Lower ends of their 95 % intervals, mm⁻¹.
+    pub sigma_s_prime_low: Vec<f64>,
+    /// Upper ends of their 95 % intervals, mm⁻¹.
+    pub sigma_s_prime_high: Vec<f64>,
+    /// Correlations of the errors of the two.
+    pub correlation: Vec<f64>,
+    /// Fitted scale factors.
+    pub scale: Vec<f64>,
+    /// χ² per degree of freedom. Where it is improbable, the uncertainties are widened by its
+    /// root.
+    pub reduced_chi2: Vec<f64>,
+    /// First radius that took part, mm; the last is that of the profile or of the options.
+    pub start_mm: Vec<f64>,
+    /// Shares of the light that leave beyond the last radius, by the model.
+    pub share_outside: Vec<f64>,
+    /// How the searches ended.
+    pub termination: Vec<Option<Termination>>,
+    /// Which profiles could not be fitted, and why. Channels are named by the profile's index.
+    pub errors: Vec<(usize, FitError)>,
+}
+
+/// Profiles that one thread fits in one go, with one memory.
+const RUN: usize = 64;
+
+/// Fits every one of many profiles that share radii and options, on all threads of the current
+/// `rayon` pool.
+///
+/// The same as [`crate::fit`] of each, to the last bit, on any number of threads; but what the
+/// profiles share is prepared once, no memory is allocated from one to the next, and the results
+/// are arrays. A profile that cannot be fitted does not stop the others.
+///
+/// # Errors
+///
+/// [`FitError::BadOption`] where the arrays do not belong together;
+/// [`FitError::BeamWiderThanProfile`] and a wrong option are everybody's.
+pub fn fit_many(
+    profiles: &Profiles,
+    model: &dyn ForwardModel,
+    options: &FitOptions,
+) -> Result<ManyFits, FitError> {
+    let points = profiles.points.len();
+    let expect = |name, found: usize, right: bool, expected| {
+        let found = found as f64;
+        let wrong = FitError::BadOption {
+            name,
+            found,
+            expected,
+        };
+        if right { Ok(()) } else { Err(wrong) }
+    };
+    let values = profiles.reflectance_per_mm2;
+    let u = profiles.u_reflectance_per_mm2;
+    expect("the number of points", points, points > 0, "above 0")?;
+    let whole = values.len().is_multiple_of(points);
+    let expected = "a multiple of the number of points";
+    expect("the number of reflectances", values.len(), whole, expected)?;
+    let n = values.len() / points;
+    let right = u.len() == values.len() || u.len() == points;
+    let expected = "that of the reflectances or of the points";
+    expect("the number of uncertainties", u.len(), right, expected)?;
+    for length in profiles
+        .totals
+        .iter()
+        .flat_map(|t| [t.total_reflectance.len(), t.u_total_reflectance.len()])
+    {
+        let expected = "that of the profiles";
+        expect("the number of totals", length, length == n, expected)?;
+    }
+    problem::check_options(options, points)?;
+    problem::check_radii(&String::new, profiles.points.iter().map(|p| p.radius_mm))?;
+    let geometry = Geometry::new(profiles.points, options)?;
+
+    let one = |memory: &mut Memory, i: usize| -> Result<Summary, FitError> {
+        let channel = || i.to_string();
+        let row = &values[i * points..(i + 1) * points];
+        let u = if u.len() == points {
+            u
+        } else {
+            &u[i * points..(i + 1) * points]
+        };
+        let total = profiles.totals.map(|t| Measured {
+            total: t.total_reflectance[i],
+            u: t.u_total_reflectance[i],
+            radius_max_mm: t.radius_max_mm,
+        });
+        let pairs = row.iter().copied().zip(u.iter().copied());
+        problem::check_values(&channel, profiles.points, pairs, total, options)?;
+        problem::check_total(&channel, total, options)?;
+        let fitted = geometry
+            .indices
+            .first()
+            .map_or(0..0, |&first| first..first + geometry.len());
+        // The geometry's points are all neighbours unless rings overlap in a strange way.
+        let contiguous = geometry
+            .indices
+            .last()
+            .is_none_or(|&last| last + 1 == fitted.end);
+        let (picked, picked_u): (Vec<f64>, Vec<f64>);
+        let (value, u) = if contiguous {
+            (&row[fitted.clone()], &u[fitted])
+        } else {
+            picked = geometry.indices.iter().map(|&j| row[j]).collect();
+            picked_u = geometry.indices.iter().map(|&j| u[j]).collect();
+            (&picked[..], &picked_u[..])
+        };
+        let data = Data {
+            geometry: &geometry,
+            value,
+            u,
+            total: total.filter(|_| options.constraint != Constraint::None),
+            model,
+            options,
+            channel: &channel,
+        };
+        let (mut problem, solution, _) = crate::search(data, std::mem::take(memory))?;
+        let summary = problem.summary(&solution);
+        *memory = problem.memory;
+        Ok(summary)
+    };
+
+    let mut summaries: Vec<Option<Summary>> = vec![None; n];
+    let mut errors: Vec<(usize, FitError)> = summaries
+        .par_chunks_mut(RUN)
+        .enumerate()
+        .map_init(Memory::default, |memory, (run, out)| {
+            let mut errors = vec![];
+            for (j, out) in out.iter_mut().enumerate() {
+                let i = run * RUN + j;
+                match one(memory, i) {
+                    Ok(summary) => *out = Some(summary),
+                    Err(error) => errors.push((i, error)),
+                }
+            }
+            errors
+        })
+        .flatten_iter()
+        .collect();
+    errors.sort_by_key(|e| e.0);
+    Ok(ManyFits::new(&summaries, errors))
+}
+
+impl ManyFits {
+    fn new(summaries: &[Option<Summary>], errors: Vec<(usize, FitError)>) -> Self {
+        let column = |f: fn(&Summary) -> f64| -> Vec<f64> {
+            let numbers = summaries.iter().map(|s| s.as_ref().map_or(f64::NAN, f));
+            numbers.collect()
+        };
+        Self {
+            sigma_a: column(|s| s.sigma_a.value),
+            u_sigma_a: column(|s| s.sigma_a.u),
+            sigma_a_low: column(|s| s.sigma_a.ci95.0),
+            sigma_a_high: column(|s| s.sigma_a.ci95.1),
+            sigma_s_prime: column(|s| s.sigma_s_prime.value),
+            u_sigma_s_prime: column(|s| s.sigma_s_prime.u),
+            sigma_s_prime_low: column(|s| s.sigma_s_prime.ci95.0),
+            sigma_s_prime_high: column(|s| s.sigma_s_prime.ci95.1),
+            correlation: column(|s| s.correlation),
+            scale: column(|s| s.scale),
+            reduced_chi2: column(|s| s.reduced_chi2),
+            start_mm: column(|s| s.range_mm.0),
+            share_outside: column(|s| s.share_outside),
+            termination: summaries
+                .iter()
+                .map(|s| s.as_ref().map(|s| s.termination))
+                .collect(),
+            errors,
+        }
+    }
+}
