@@ -7,6 +7,7 @@
 
 mod camera;
 mod floors;
+mod geometry;
 mod layers;
 mod mosaic;
 mod recovery;

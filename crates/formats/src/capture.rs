@@ -20,6 +20,8 @@ use serde::{Deserialize, Serialize};
 pub const DEFAULT_U_ETA: f64 = 0.01;
 /// Relative standard uncertainty of `mm_per_pixel` given without one.
 pub const DEFAULT_U_MM_PER_PIXEL_RELATIVE: f64 = 0.005;
+/// Standard uncertainty of each coordinate of `corners_mm` given without one, over the mean side.
+pub const DEFAULT_U_CORNERS_RELATIVE: f64 = 0.005;
 /// Relative standard uncertainty of a beam's width given without one.
 pub const DEFAULT_U_FWHM_RELATIVE: f64 = 0.05;
 /// Standard uncertainty of the white's reflectance given without one.
@@ -61,14 +63,48 @@ pub struct Capture<F = Vec<FrameEntry>> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
-    /// Length on the sample that a pixel sees, mm.
-    pub mm_per_pixel: f64,
+    /// Length on the sample that a pixel sees, mm, of a camera that looks along the normal; absent
+    /// where there are corners.
+    pub mm_per_pixel: Option<PixelSize>,
     /// Its standard uncertainty, mm; [`DEFAULT_U_MM_PER_PIXEL_RELATIVE`] where absent.
     pub u_mm_per_pixel: Option<f64>,
+    /// Four points of the picture, pixels, in order around their quadrilateral: of a tilted view.
+    pub corners_px: Option<Corners>,
+    /// The same four points on the surface, mm.
+    pub corners_mm: Option<Corners>,
+    /// Standard uncertainty of each coordinate of these, mm; [`DEFAULT_U_CORNERS_RELATIVE`] where
+    /// absent.
+    pub u_corners_mm: Option<f64>,
     /// Column and row of the beam, pixels, (0, 0) the middle of the first pixel; found from the
     /// image where absent.
     pub center_px: Option<[f64; 2]>,
 }
+
+/// Length of a pixel on the sample, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a length in mm, or two for pixels that are not square: [across, down]"
+)]
+pub enum PixelSize {
+    /// Of a square.
+    Square(f64),
+    /// Across and down.
+    Rectangular([f64; 2]),
+}
+
+impl PixelSize {
+    /// Across and down.
+    pub fn sides(self) -> [f64; 2] {
+        match self {
+            Self::Square(side) => [side; 2],
+            Self::Rectangular(sides) => sides,
+        }
+    }
+}
+
+/// Four points.
+pub type Corners = [[f64; 2]; 4];
 
 /// Shape of the beam on the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,8 +143,8 @@ pub enum Response {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {
-    /// Angle between line of sight and surface normal, degrees; default 0.
-    pub angle_deg: f64,
+    /// Angle between line of sight and surface normal, degrees; where absent that of the corners, or 0.
+    pub angle_deg: Option<f64>,
     /// Electrons per count.
     pub gain_e_per_dn: Option<f64>,
     /// Standard deviation of one read-out, electrons.
@@ -269,9 +305,14 @@ impl<F> Capture<F> {
         [
             (self.u_eta.is_none(), "u_eta", self.u_eta()),
             (
-                self.geometry.u_mm_per_pixel.is_none(),
+                self.geometry.u_mm_per_pixel.is_none() && self.geometry.corners_mm.is_none(),
                 "geometry.u_mm_per_pixel",
                 self.geometry.u_mm_per_pixel(),
+            ),
+            (
+                self.geometry.u_corners_mm.is_none() && self.geometry.corners_mm.is_some(),
+                "geometry.u_corners_mm",
+                self.geometry.u_corners_mm(),
             ),
             (
                 beam.u_fwhm_mm.is_none() && beam.fwhm_mm > 0.0,
@@ -297,10 +338,40 @@ impl<F> Capture<F> {
 }
 
 impl Geometry {
-    /// Standard uncertainty of `mm_per_pixel`, mm, stated or by default.
+    /// Standard uncertainty of `mm_per_pixel`, mm, stated or by default; 0 where there is none.
     pub fn u_mm_per_pixel(&self) -> f64 {
         self.u_mm_per_pixel
-            .unwrap_or(DEFAULT_U_MM_PER_PIXEL_RELATIVE * self.mm_per_pixel)
+            .unwrap_or(DEFAULT_U_MM_PER_PIXEL_RELATIVE * self.mean_side_mm())
+    }
+
+    /// Root of the area of a pixel, mm; 0 where there are corners instead.
+    fn mean_side_mm(&self) -> f64 {
+        self.mm_per_pixel.map_or(0.0, |size| {
+            let [across, down] = size.sides();
+            (across * down).sqrt()
+        })
+    }
+
+    /// Standard uncertainty of `mm_per_pixel` over itself.
+    pub fn u_mm_per_pixel_relative(&self) -> f64 {
+        match self.u_mm_per_pixel {
+            Some(u) if self.mm_per_pixel.is_some() => u / self.mean_side_mm(),
+            _ => DEFAULT_U_MM_PER_PIXEL_RELATIVE,
+        }
+    }
+
+    /// Standard uncertainty of each coordinate of `corners_mm`, mm, stated or by default; 0 where
+    /// there are none.
+    pub fn u_corners_mm(&self) -> f64 {
+        let mean_side = self.corners_mm.map_or(0.0, |p| {
+            let side = |i: usize| {
+                let (a, b) = (p[i], p[(i + 1) % 4]);
+                (a[0] - b[0]).hypot(a[1] - b[1])
+            };
+            0.25 * (0..4).map(side).sum::<f64>()
+        });
+        self.u_corners_mm
+            .unwrap_or(DEFAULT_U_CORNERS_RELATIVE * mean_side)
     }
 }
 

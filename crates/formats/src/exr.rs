@@ -21,6 +21,9 @@ const CHANNELS: &str = "beamspot.channels";
 /// Attribute with the pattern of a mosaic, row by row, as in `RGGB`: the file then has one layer
 /// `mosaic` with its `.variance`, and its channels are R, G and B.
 const MOSAIC: &str = "beamspot.mosaic";
+/// Attribute with the nine numbers that map pixels to the surface, row by row, in text, where a
+/// pixel is not the same square everywhere.
+const VIEW: &str = "beamspot.view_mm";
 /// Attribute with the length that a pixel sees, mm.
 const MM_PER_PIXEL: &str = "beamspot.mm_per_pixel";
 /// Followed by a channel's name: attribute with the uncertainty of its scale.
@@ -49,6 +52,9 @@ pub struct RadianceFile {
     pub map: RadianceMap,
     /// Length on the sample that a pixel sees, mm, where it is known (`beamspot.mm_per_pixel`).
     pub mm_per_pixel: Option<f64>,
+    /// Where no such length is the same everywhere: the projective map from pixels to mm on the
+    /// surface, row by row (`beamspot.view_mm`).
+    pub view_mm: Option<[f64; 9]>,
     /// One scale for each channel, in the same order: values are in mm⁻². Empty: they are in
     /// DN/s, no reference applied.
     pub scale: Vec<ChannelScale>,
@@ -149,6 +155,7 @@ mod tests {
                 mosaic: None,
             },
             mm_per_pixel: Some(1.0 / 3.0),
+            view_mm: Some([0.1, 1e-3, 0.0, -1e-3, 0.2, 1.0 / 3.0, 1e-5, 0.0, 1.0]),
             scale: vec![scale("R"), scale("G"), scale("B")],
             provenance: [
                 ("material", "Käse, reif"),
@@ -175,6 +182,7 @@ mod tests {
         assert_eq!(read_radiance(&bytes(&file)).unwrap(), file);
         let bare = RadianceFile {
             mm_per_pixel: None,
+            view_mm: None,
             scale: Vec::new(),
             provenance: BTreeMap::new(),
             ..file

@@ -11,6 +11,7 @@
 //! | [`capture`] | a manifest with its frames: loading, hashing, merging |
 //! | [`sensing`] | the numbers of the camera, stated or found |
 //! | [`init`] | a manifest to be filled in, from a folder of frames |
+//! | [`geometry`] | from the manifest's geometry to a view |
 //! | [`measure`] | the main job: frames to materials |
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
 //! | [`confirm`] | a fit against counted photons |
@@ -29,6 +30,7 @@ mod exposures;
 pub mod files;
 pub mod fit_json;
 pub mod fitting;
+pub mod geometry;
 pub mod init;
 pub mod library;
 pub mod measure;

@@ -5,6 +5,7 @@ use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given, ScaleInput};
+use crate::geometry;
 use crate::library::{ModelChoice, SlabChoice};
 use crate::monitor::Monitor;
 use crate::sensing::{Found, Sensing};
@@ -55,6 +56,10 @@ pub struct Radiance {
     pub merge_lines: Vec<String>,
     /// What the manifest left out of the camera and the frames had to say, in sentences.
     pub estimated: Vec<String>,
+    /// Where each pixel looks.
+    pub view: View,
+    /// How radiance became exitance.
+    pub exit: Exit,
 }
 
 /// Everything that a measurement finds.
@@ -140,6 +145,9 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     };
 
     let capture = &loaded.capture;
+    let view = loaded.view()?;
+    let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
+    let exit = exit(capture, camera_angle.angle);
     let mut scales = vec![];
     let mut scale_inputs = vec![];
     for index in 0..count(&sample) {
@@ -149,12 +157,12 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             .medium(index, count(&sample))
             .input(loaded.input.path.display())?;
         let options = ReferenceOptions {
-            view: View::square(capture.geometry.mm_per_pixel),
+            view,
             center_px: None,
             reflectance: capture.reference.reflectance,
             u_reflectance: capture.reference.u_reflectance(),
             medium,
-            exit: exit(capture),
+            exit,
         };
         let mut scale =
             profile::reference_scale(&white, reference.map.width, reference.map.height, &options)
@@ -189,6 +197,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             100.0 * u_exposure
         ));
     }
+    estimated.extend(camera_angle.lines);
     let mut inputs = vec![loaded.input.clone()];
     inputs.extend(sample.inputs);
     inputs.extend(reference.inputs);
@@ -200,6 +209,8 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         inputs,
         merge_lines,
         estimated,
+        view,
+        exit,
     })
 }
 
@@ -224,7 +235,8 @@ impl Radiance {
         ]);
         RadianceFile {
             map: self.map.clone(),
-            mm_per_pixel: Some(loaded.capture.geometry.mm_per_pixel),
+            mm_per_pixel: self.view.square_mm(),
+            view_mm: self.view.square_mm().is_none().then(|| self.view.to_rows()),
             scale,
             provenance,
         }
@@ -281,12 +293,12 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let measured = profiles(
         &radiance.map,
         &u_scales,
-        View::square(capture.geometry.mm_per_pixel),
+        radiance.view,
         capture.geometry.center_px,
     )
     .map_err(|e| e.within(format!("{}: sample", place())))?;
 
-    let given = given(capture, choices, model);
+    let given = given(capture, choices, model, &radiance, measured[0].center_px);
     let fits = measured
         .iter()
         .zip(&radiance.scale_inputs)
@@ -364,11 +376,11 @@ impl Measurement {
     }
 }
 
-fn exit(capture: &manifest::Capture) -> Exit {
+fn exit(capture: &manifest::Capture, angle: f64) -> Exit {
     match capture.model.exit {
         manifest::Exit::Fresnel => Exit::Fresnel {
             eta: capture.eta,
-            angle: capture.camera.angle_deg.to_radians(),
+            angle,
         },
         manifest::Exit::Lambert => Exit::Lambert,
     }
@@ -391,7 +403,13 @@ fn chosen_model(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
     model
 }
 
-fn given(capture: &manifest::Capture, choices: &Choices, model: ModelChoice) -> Given {
+fn given(
+    capture: &manifest::Capture,
+    choices: &Choices,
+    model: ModelChoice,
+    radiance: &Radiance,
+    center_px: [f64; 2],
+) -> Given {
     let fwhm_mm = capture.beam.fwhm_mm;
     Given {
         model,
@@ -401,15 +419,15 @@ fn given(capture: &manifest::Capture, choices: &Choices, model: ModelChoice) -> 
         u_eta: capture.u_eta(),
         entry_loss: capture.model.entry_loss,
         cos_beam: capture.beam.angle_deg.to_radians().cos(),
-        exit: exit(capture),
-        u_length_relative: capture.geometry.u_mm_per_pixel() / capture.geometry.mm_per_pixel,
+        exit: radiance.exit,
+        u_length_relative: geometry::u_length_relative(&capture.geometry, center_px),
         beam: match capture.beam.profile {
             _ if fwhm_mm == 0.0 => Beam::Point,
             manifest::BeamProfile::Gaussian => Beam::Gaussian { fwhm_mm },
             manifest::BeamProfile::Disk => Beam::Disk { fwhm_mm },
         },
         u_fwhm_mm: capture.beam.u_fwhm_mm(),
-        pixel_mm: capture.geometry.mm_per_pixel,
+        pixel_mm: radiance.view.blur_mm(center_px),
     }
 }
 
@@ -444,14 +462,23 @@ fn assumptions(
              used by this model: take --model multipole"
         ));
     }
+    let untold = capture.camera.angle_deg.is_some_and(|angle| angle > 0.0)
+        && capture.geometry.mm_per_pixel.is_some();
+    if untold {
+        lines.push(
+            "camera.angle_deg acts on the light that leaves alone; the picture was taken as seen \
+             from above: give geometry.corners_px and corners_mm in place of mm_per_pixel"
+                .to_owned(),
+        );
+    }
     if model.uses_beam() {
         lines.push(
             "the centre of the profile was taken as the point where the beam enters".to_owned(),
         );
-    } else if capture.beam.angle_deg > 0.0 || capture.camera.angle_deg > 0.0 {
+    } else if capture.beam.angle_deg > 0.0 {
         lines.push(
-            "angles of beam and camera act on the light that enters and leaves alone; the picture \
-             was taken as seen from above"
+            "beam.angle_deg acts on the light that enters alone; the glow was taken as that of a \
+             beam along the normal"
                 .to_owned(),
         );
     }

@@ -157,6 +157,7 @@ fn manifest_of(
     let camera = capture.camera();
     let sensor = camera.sensor();
     let white = &camera.reference;
+    let corners = capture.corners();
     let entries = |role: Role| {
         shots
             .iter()
@@ -172,8 +173,27 @@ fn manifest_of(
         eta: sample.eta,
         u_eta: Some(camera.u_eta),
         geometry: manifest::Geometry {
-            mm_per_pixel: camera.mm_per_pixel,
-            u_mm_per_pixel: Some(camera.u_mm_per_pixel),
+            mm_per_pixel: match corners {
+                Some(_) => None,
+                None if camera.pixel_aspect == 1.0 => {
+                    Some(manifest::PixelSize::Square(camera.mm_per_pixel))
+                }
+                None => {
+                    let down = camera.mm_per_pixel * camera.pixel_aspect;
+                    Some(manifest::PixelSize::Rectangular([
+                        camera.mm_per_pixel,
+                        down,
+                    ]))
+                }
+            },
+            u_mm_per_pixel: corners.is_none().then_some(camera.u_mm_per_pixel),
+            corners_px: corners.map(|(px, _)| px),
+            corners_mm: corners.map(|(_, mm)| mm),
+            // The scale of all corners together is off, by the same share as a pixel's.
+            u_corners_mm: corners.map(|(_, mm)| {
+                let side = (mm[1][0] - mm[0][0]).hypot(mm[1][1] - mm[0][1]);
+                camera.u_mm_per_pixel / camera.mm_per_pixel * side
+            }),
             center_px: None,
         },
         beam: manifest::Beam {
@@ -186,7 +206,7 @@ fn manifest_of(
             angle_deg: camera.beam_angle_deg,
         },
         camera: manifest::Camera {
-            angle_deg: camera.camera_angle_deg,
+            angle_deg: corners.is_none().then_some(camera.camera_angle_deg),
             gain_e_per_dn: Some(sensor.gain_e_per_dn),
             read_noise_e: Some(sensor.read_noise_e),
             black_level_dn: Some(sensor.black_level_dn),

@@ -166,6 +166,11 @@ pub struct Camera {
     pub beam_angle_deg: f64,
     /// Between the surface normal and the line of sight, degrees. Default 0.
     pub camera_angle_deg: f64,
+    /// From the camera to the sample along its optical axis, mm: the angle then tilts the picture too,
+    /// and the manifest gives four corners. Left out: a picture as from above.
+    pub camera_distance_mm: Option<f64>,
+    /// Height of a pixel over its width. Default 1.
+    pub pixel_aspect: f64,
     /// Whether the beam loses its specular part on entry. Default true; false is the paper's mode.
     pub entry_loss: bool,
     /// How light leaves the sample: `fresnel` (the default) or `lambert`, the paper's mode.
@@ -205,6 +210,8 @@ impl Default for Camera {
             beam_profile: BeamProfile::Gaussian,
             beam_angle_deg: 0.0,
             camera_angle_deg: 0.0,
+            camera_distance_mm: None,
+            pixel_aspect: 1.0,
             entry_loss: true,
             exit: Exit::Fresnel,
             spot_offset_px: [0.3, -0.2],
@@ -332,6 +339,7 @@ impl Camera {
             ("beam_fwhm_mm", self.beam_fwhm_mm, 0.0, 0.5 * field_mm),
             ("beam_angle_deg", self.beam_angle_deg, 0.0, 80.0),
             ("camera_angle_deg", self.camera_angle_deg, 0.0, 80.0),
+            ("pixel_aspect", self.pixel_aspect, 0.2, 5.0),
             (
                 "spot_offset_px[0]",
                 self.spot_offset_px[0],
@@ -352,6 +360,12 @@ impl Camera {
                 0.1 * white.reflectance,
             ),
         ];
+        if let Some(distance) = self.camera_distance_mm {
+            // So far that the horizon of the sample stays out of the picture by a factor of 2.
+            let reach = 0.5 * height * self.mm_per_pixel * self.pixel_aspect;
+            let least = 2.0 * reach * self.camera_angle_deg.to_radians().tan();
+            ranges.push(("camera_distance_mm", distance, least.max(1e-3), 1e6));
+        }
         ranges.extend(
             self.exposures_s
                 .iter()

@@ -3,7 +3,7 @@
 use crate::camera::{Camera, Channels, Exit};
 use crate::error::SynthError;
 use crate::glow::Glow;
-use crate::picture::View;
+use crate::picture::{Tilt, View};
 use crate::random::{normal, stream};
 use crate::sensor::{Pixels, Purpose};
 use crate::truth::{ChannelTruth, Truth};
@@ -19,6 +19,9 @@ pub struct Sample {
     /// Coefficients by channel name. A mono camera takes one, whatever its name.
     pub channels: Vec<(String, Coefficients)>,
 }
+
+/// Four points.
+pub type Corners = [[f64; 2]; 4];
 
 /// Makes the model of diffuse reflectance for a relative index.
 pub type ModelAt<'a> = &'a dyn Fn(f64) -> Box<dyn ForwardModel>;
@@ -87,10 +90,8 @@ impl Capture {
         }
 
         let view = View {
-            width: camera.width,
-            height: camera.height,
-            mm_per_pixel: draws.mm_per_pixel,
             spot_px: camera.spot_px(),
+            ..view_of(&camera, draws.mm_per_pixel)
         };
         let (sample_model, reference_model) = (model(draws.eta), model(camera.reference.eta));
         let entry_factor = if camera.entry_loss {
@@ -195,6 +196,18 @@ impl Capture {
         &self.truth
     }
 
+    /// Four points of a tilted picture, px, and where on the surface they are, mm, by the scale
+    /// that the manifest states; nothing for a camera above the sample.
+    pub fn corners(&self) -> Option<(Corners, Corners)> {
+        self.camera.camera_distance_mm?;
+        let view = view_of(&self.camera, self.camera.mm_per_pixel);
+        let at = |share: f64, size: usize| (share * size as f64).round();
+        let (left, right) = (at(0.1, self.camera.width), at(0.9, self.camera.width));
+        let (top, bottom) = (at(0.1, self.camera.height), at(0.9, self.camera.height));
+        let px = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        Some((px, px.map(|[column, row]| view.place(column, row).0)))
+    }
+
     /// Every shot, in the order in which a laboratory would take them.
     pub fn shots(&self) -> Vec<Shot> {
         let darks = self.camera.darks_per_exposure;
@@ -257,6 +270,20 @@ impl Capture {
             }
             Role::SampleDark | Role::ReferenceDark => 1.0,
         }
+    }
+}
+
+fn view_of(camera: &Camera, mm_per_pixel: f64) -> View {
+    View {
+        width: camera.width,
+        height: camera.height,
+        mm_per_pixel,
+        aspect: camera.pixel_aspect,
+        tilt: camera.camera_distance_mm.map(|distance_mm| Tilt {
+            angle: camera.camera_angle_deg.to_radians(),
+            distance_mm,
+        }),
+        spot_px: [0.0; 2],
     }
 }
 

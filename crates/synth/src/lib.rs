@@ -11,8 +11,8 @@
 //! pixel. None of that is shared with the crates that measure: the convolution and the pixels are
 //! computed here by other means than the fit's footprints, so the two check each other.
 //!
-//! Left out: the displacement and stretching of the glow under an oblique beam, and perspective.
-//! The angles change the factors of entry and exit only. Codecs and file names are the caller's.
+//! Left out: the displacement and stretching of the glow under an oblique beam. Its angle changes the
+//! factor of entry only. Codecs and file names are the caller's.
 //!
 //! | module | holds |
 //! |---|---|

@@ -12,17 +12,65 @@ pub(crate) struct View {
     pub(crate) width: usize,
     /// Rows.
     pub(crate) height: usize,
-    /// Side of a pixel, mm.
+    /// Side of a pixel, mm; its width where the optical axis meets the sample.
     pub(crate) mm_per_pixel: f64,
+    /// Height of a pixel over its width.
+    pub(crate) aspect: f64,
+    /// A camera that is not above the sample.
+    pub(crate) tilt: Option<Tilt>,
     /// The centre of the glow, the middle of the first pixel being (0, 0).
     pub(crate) spot_px: [f64; 2],
 }
 
+/// A pinhole camera that looks at the sample from the side of the first rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tilt {
+    /// Between the optical axis and the normal, rad.
+    pub(crate) angle: f64,
+    /// From the pinhole to the sample along that axis, mm.
+    pub(crate) distance_mm: f64,
+}
+
 impl View {
+    /// Where the ray through a point of the picture meets the sample: mm right of and beyond the
+    /// optical axis, and the area that is seen there over what is seen at the axis.
+    pub(crate) fn place(&self, column: f64, row: f64) -> ([f64; 2], f64) {
+        let side = self.mm_per_pixel;
+        let across = (column - 0.5 * (self.width as f64 - 1.0)) * side;
+        let down = (row - 0.5 * (self.height as f64 - 1.0)) * side * self.aspect;
+        let Some(Tilt { angle, distance_mm }) = self.tilt else {
+            return ([across, down], 1.0);
+        };
+        let (sin, cos) = angle.sin_cos();
+        // The ray leaves the pinhole, at height d·cos and d·sin to the side, in this direction.
+        let (right, below) = (across / distance_mm, down / distance_mm);
+        let length = distance_mm * cos / (cos - below * sin);
+        let place = [
+            length * right,
+            length * (below * cos + sin) - distance_mm * sin,
+        ];
+        (place, (length / distance_mm).powi(3))
+    }
+
+    fn is_straight(&self) -> bool {
+        self.tilt.is_none() && self.aspect == 1.0
+    }
+
     /// Distance from the centre to the farthest corner of the frame, mm.
     pub(crate) fn reach_mm(&self) -> f64 {
         let farthest = |size: usize, spot: f64| (spot + 0.5).max(size as f64 - 0.5 - spot);
         let [x, y] = self.spot_px;
+        if !self.is_straight() {
+            let spot = self.place(x, y).0;
+            let (right, bottom) = (self.width as f64 - 0.5, self.height as f64 - 0.5);
+            return [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]]
+                .into_iter()
+                .map(|[x, y]| {
+                    let corner = self.place(x, y).0;
+                    (corner[0] - spot[0]).hypot(corner[1] - spot[1])
+                })
+                .fold(0.0, f64::max);
+        }
         self.mm_per_pixel * farthest(self.width, x).hypot(farthest(self.height, y))
     }
 
@@ -35,12 +83,60 @@ impl View {
             .enumerate()
             .for_each(|(row, pixels)| {
                 let y = (row as f64 - self.spot_px[1]) * self.mm_per_pixel;
+                if !self.is_straight() {
+                    for (column, pixel) in pixels.iter_mut().enumerate() {
+                        *pixel = self.slanted_pixel(glow, &rules, column as f64, row as f64) as f32;
+                    }
+                    return;
+                }
                 for (column, pixel) in pixels.iter_mut().enumerate() {
                     let x = (column as f64 - self.spot_px[0]) * self.mm_per_pixel;
                     *pixel = self.pixel(glow, &rules, x, y) as f32;
                 }
             });
         pixels
+    }
+
+    /// The mean of `glow` over what a pixel sees of the sample, where that is no square: every node
+    /// of the pixel's rule has a place and an area of its own.
+    fn slanted_pixel(
+        &self,
+        glow: &Glow,
+        rules: &[Vec<(f64, f64, f64)>; 3],
+        column: f64,
+        row: f64,
+    ) -> f64 {
+        let [column_0, row_0] = self.spot_px;
+        let spot = self.place(column_0, row_0).0;
+        let from_spot = |column: f64, row: f64| {
+            let (place, area) = self.place(column, row);
+            let (x, y) = (place[0] - spot[0], place[1] - spot[1]);
+            (x * x + y * y, area)
+        };
+        let radius = from_spot(column, row).0.sqrt();
+        // The longer side of what is seen, at most.
+        let longest = self.tilt.map_or(1.0, |tilt| 1.5 / tilt.angle.cos());
+        let side = self.mm_per_pixel * self.aspect.max(1.0) * longest;
+        let nearest = glow.length_at((radius - 0.71 * side).max(0.0));
+        let length = nearest.min(glow.length_at(radius));
+        let rule = if length < 4.0 * side {
+            &rules[2]
+        } else {
+            &rules[1]
+        };
+        let cuts = (side / length).ceil().clamp(1.0, 64.0) as usize;
+        let part = 1.0 / cuts as f64;
+        let offset = |cut: usize| (cut as f64 + 0.5) * part - 0.5;
+        let (mut sum, mut all) = (0.0, 0.0);
+        for cut in 0..cuts * cuts {
+            let (across, down) = (column + offset(cut % cuts), row + offset(cut / cuts));
+            for (u, v, w) in rule {
+                let (square, area) = from_spot(across + part * u, down + part * v);
+                sum += w * area * glow.at_square(square);
+                all += w * area;
+            }
+        }
+        sum / all
     }
 
     /// The mean of `glow` over the pixel whose middle lies at (`x`, `y`) mm from the centre.
@@ -111,6 +207,8 @@ mod tests {
             width: size,
             height: size,
             mm_per_pixel,
+            aspect: 1.0,
+            tilt: None,
             spot_px: [middle + 0.3, middle - 0.2],
         }
     }

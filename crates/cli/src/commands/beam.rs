@@ -2,7 +2,7 @@
 
 use super::print;
 use crate::args::{BeamArgs, Common};
-use ::profile::Background;
+use ::profile::{Background, View};
 use pipeline::fit_json::{InputHash, SCHEMA_VERSION};
 use pipeline::spot::{self, Spot};
 use pipeline::{Monitor, Result, capture};
@@ -46,16 +46,16 @@ pub(crate) fn run(
         .input
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (spots, input, mm_per_pixel) = if is_capture {
+    let (spots, input, view) = if is_capture {
         let loaded = capture::load(&args.input)?;
         let spots = spot::of_reference(&loaded, monitor)?;
-        let mm = loaded.capture.geometry.mm_per_pixel;
-        (spots, loaded.input, Some(mm))
+        let view = loaded.view()?;
+        (spots, loaded.input, Some(view))
     } else {
         let (spots, input) = spot::of_frame(&args.input)?;
         (spots, input, None)
     };
-    let channels: Vec<Channel> = spots.iter().map(|s| channel(s, mm_per_pixel)).collect();
+    let channels: Vec<Channel> = spots.iter().map(|s| channel(s, view)).collect();
     if common.json {
         let inputs = vec![InputHash {
             file: input.name,
@@ -117,7 +117,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-fn channel(spot: &Spot, mm_per_pixel: Option<f64>) -> Channel {
+fn channel(spot: &Spot, view: Option<View>) -> Channel {
     let moments = &spot.moments;
     let knows_noise = spot.background == Background::Surroundings;
     Channel {
@@ -126,7 +126,9 @@ fn channel(spot: &Spot, mm_per_pixel: Option<f64>) -> Channel {
         u_center_px: knows_noise.then_some(moments.u_center_px),
         d4sigma_px: moments.d4sigma_px,
         u_d4sigma_px: knows_noise.then_some(moments.u_d4sigma_px),
-        d4sigma_mm: mm_per_pixel.map(|mm| moments.d4sigma_px.map(|d| d * mm)),
+        d4sigma_mm: view
+            .and_then(|view| view.square_mm())
+            .map(|mm| moments.d4sigma_px.map(|d| d * mm)),
         angle_deg: moments.angle.to_degrees(),
         background: moments.background,
         aperture_share: moments.aperture_share,

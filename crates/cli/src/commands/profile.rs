@@ -92,7 +92,7 @@ fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Pictu
     Ok(Picture {
         u_scale_relative: radiance.scales.iter().map(|s| s.u_relative).collect(),
         map: radiance.map,
-        view: View::square(loaded.capture.geometry.mm_per_pixel),
+        view: radiance.view,
         center_px: loaded.capture.geometry.center_px,
     })
 }
@@ -107,13 +107,19 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
              `beamspot hdr` writes it",
         ));
     }
-    let mm_per_pixel = file.mm_per_pixel.ok_or_else(|| {
-        missing("attribute `beamspot.mm_per_pixel` is missing; make the file with `beamspot hdr`")
-    })?;
+    let view = match (file.view_mm, file.mm_per_pixel) {
+        (Some(rows), _) => View::from_rows(rows).input(&place)?,
+        (None, Some(side)) => View::square(side),
+        (None, None) => {
+            return Err(missing(
+                "attribute `beamspot.mm_per_pixel` is missing; make the file with `beamspot hdr`",
+            ));
+        }
+    };
     Ok(Picture {
         u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
         map: file.map,
-        view: View::square(mm_per_pixel),
+        view,
         center_px: None,
     })
 }

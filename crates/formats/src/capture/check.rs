@@ -1,7 +1,7 @@
 //! The door through which a manifest enters.
 
 use super::draft::PLACEHOLDER;
-use super::{Capture, FrameEntry, Frames, PerChannel, Reference, Sample};
+use super::{Capture, FrameEntry, Frames, Geometry, PerChannel, PixelSize, Reference, Sample};
 use crate::toml_text::{TomlError, parse_toml};
 use std::collections::BTreeMap;
 use std::ops::{Bound, RangeBounds};
@@ -23,6 +23,15 @@ pub enum CaptureError {
         found: usize,
         /// Channels of the frames.
         channels: usize,
+    },
+    /// Neither a length of a pixel nor corners, both, or one list of corners.
+    #[error(
+        "field `geometry`: {found}; expected either mm_per_pixel, of a camera that looks along \
+         the normal, or corners_px and corners_mm, four points [x, y] each"
+    )]
+    Geometry {
+        /// What there is.
+        found: &'static str,
     },
     /// The text does not fit.
     #[error(transparent)]
@@ -194,22 +203,6 @@ fn placeholders(field: &str, value: &Value, open: &mut Vec<String>) {
 /// What other versions of the manifest may say, and what to write today.
 fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
     let refuse = |field: String, instead| Err(CaptureError::NotSupported { field, instead });
-    for (section, key, instead) in [
-        (
-            "geometry",
-            "corners_px",
-            "give mm_per_pixel of a camera that looks along the normal",
-        ),
-        (
-            "geometry",
-            "corners_mm",
-            "give mm_per_pixel of a camera that looks along the normal",
-        ),
-    ] {
-        if table.get(section).and_then(|s| s.get(key)).is_some() {
-            return refuse(format!("{section}.{key}"), instead);
-        }
-    }
     if table.get("channel").is_some() {
         return refuse(
             "channel".to_owned(),
@@ -280,13 +273,12 @@ impl Capture<Frames> {
         within("eta", Some(self.eta), 1.0..=5.0, INDEX)?;
         within("u_eta", self.u_eta, 0.0.., U)?;
         let length = "a length above 0 mm: what one pixel sees of the sample";
-        within(
-            "geometry.mm_per_pixel",
-            Some(geometry.mm_per_pixel),
-            POSITIVE,
-            length,
-        )?;
+        for side in geometry.mm_per_pixel.into_iter().flat_map(PixelSize::sides) {
+            within("geometry.mm_per_pixel", Some(side), POSITIVE, length)?;
+        }
         within("geometry.u_mm_per_pixel", geometry.u_mm_per_pixel, 0.0.., U)?;
+        within("geometry.u_corners_mm", geometry.u_corners_mm, 0.0.., U)?;
+        geometry.check()?;
         for (index, pixel) in geometry.center_px.iter().flatten().enumerate() {
             let expected = "a position of at least 0 pixels, [column, row]";
             within(
@@ -300,7 +292,7 @@ impl Capture<Frames> {
         within("beam.fwhm_mm", Some(beam.fwhm_mm), 0.0.., width)?;
         within("beam.u_fwhm_mm", beam.u_fwhm_mm, 0.0.., U)?;
         within("beam.angle_deg", Some(beam.angle_deg), 0.0..90.0, ANGLE)?;
-        within("camera.angle_deg", Some(camera.angle_deg), 0.0..90.0, ANGLE)?;
+        within("camera.angle_deg", camera.angle_deg, 0.0..90.0, ANGLE)?;
         let gain = "electrons per count, above 0, or leave it out to have it estimated";
         within("camera.gain_e_per_dn", camera.gain_e_per_dn, POSITIVE, gain)?;
         let noise = "electrons, at least 0, or leave it out to have it estimated";
@@ -402,6 +394,39 @@ impl Capture<Frames> {
                 dark: find("reference.dark", reference.dark)?,
             },
         })
+    }
+}
+
+impl Geometry {
+    /// One way to tell lengths, and that one whole.
+    fn check(&self) -> Result<(), CaptureError> {
+        let refuse = |found| Err(CaptureError::Geometry { found });
+        match (self.mm_per_pixel, &self.corners_px, &self.corners_mm) {
+            (Some(_), None, None) if self.u_corners_mm.is_some() => {
+                refuse("u_corners_mm stands beside mm_per_pixel")
+            }
+            (Some(_), None, None) => Ok(()),
+            (None, Some(px), Some(mm)) => {
+                if self.u_mm_per_pixel.is_some() {
+                    return refuse("u_mm_per_pixel stands beside corners, whose u is u_corners_mm");
+                }
+                for (field, corners) in [("corners_px", px), ("corners_mm", mm)] {
+                    for value in corners.iter().flatten() {
+                        within(
+                            format!("geometry.{field}"),
+                            Some(*value),
+                            ..,
+                            "a coordinate",
+                        )?;
+                    }
+                }
+                Ok(())
+            }
+            (None, None, None) => refuse("there is no length"),
+            (None, Some(_), None) => refuse("corners_px stand without corners_mm"),
+            (None, None, Some(_)) => refuse("corners_mm stand without corners_px"),
+            (Some(_), ..) => refuse("mm_per_pixel and corners stand side by side"),
+        }
     }
 }
 
@@ -716,9 +741,14 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
                 "field `camera.response` is not supported yet",
             ),
             (
-                "center_px",
-                "corners_px",
-                "field `geometry.corners_px` is not supported yet",
+                "mm_per_pixel = 0.05",
+                "corners_px = [[0, 0], [9, 0], [9, 9], [0, 9]]",
+                "field `geometry`: corners_px stand without corners_mm",
+            ),
+            (
+                "mm_per_pixel = 0.05",
+                "mm_per_pixel = [0.05, -0.05]",
+                "field `geometry.mm_per_pixel`: found -0.05",
             ),
             ("[model]", "[model]\ng = 1.0", "field `model.g`"),
             (

@@ -51,7 +51,7 @@ eta = {mark}                       # relative refractive index of the sample, as
 
 [geometry]
 mm_per_pixel = {mark}              # what one pixel sees of the sample: photograph a ruler
-# u_mm_per_pixel =
+# u_mm_per_pixel =              # or, of a tilted view, corners_px and corners_mm: four [x, y] each
 
 [beam]
 fwhm_mm = {mark}                   # full width at half maximum on the sample; 0 for a point

@@ -1,6 +1,6 @@
 //! A manifest as a person would write it: a frame a line, and only what is stated.
 
-use super::{Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel};
+use super::{Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel, PixelSize};
 use crate::toml_text::quoted;
 use std::fmt::Write;
 
@@ -22,8 +22,21 @@ impl Capture {
         text.optional("u_eta", self.u_eta);
 
         text.section("geometry");
-        text.number("mm_per_pixel", geometry.mm_per_pixel);
+        match geometry.mm_per_pixel {
+            Some(PixelSize::Square(side)) => text.number("mm_per_pixel", side),
+            Some(PixelSize::Rectangular(sides)) => text.line("mm_per_pixel", format!("{sides:?}")),
+            None => {}
+        }
         text.optional("u_mm_per_pixel", geometry.u_mm_per_pixel);
+        for (key, corners) in [
+            ("corners_px", &geometry.corners_px),
+            ("corners_mm", &geometry.corners_mm),
+        ] {
+            if let Some(corners) = corners {
+                text.line(key, format!("{corners:?}"));
+            }
+        }
+        text.optional("u_corners_mm", geometry.u_corners_mm);
         if let Some([column, row]) = geometry.center_px {
             text.line("center_px", format!("[{column:?}, {row:?}]"));
         }
@@ -40,7 +53,7 @@ impl Capture {
         }
         if *camera != Camera::default() {
             text.section("camera");
-            text.number("angle_deg", camera.angle_deg);
+            text.optional("angle_deg", camera.angle_deg);
             text.optional("gain_e_per_dn", camera.gain_e_per_dn);
             text.optional("read_noise_e", camera.read_noise_e);
             text.optional("black_level_dn", camera.black_level_dn);

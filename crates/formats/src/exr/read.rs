@@ -2,7 +2,7 @@
 
 use super::{
     CHANNELS, COUNTS_PER_SECOND, ChannelScale, ExrError, MM_PER_PIXEL, MOSAIC,
-    PER_SQUARE_MILLIMETRE, PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE,
+    PER_SQUARE_MILLIMETRE, PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE, VIEW,
 };
 use exr::compression::Compression;
 use exr::image::FlatSamples;
@@ -109,9 +109,11 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
         Some(length) if length <= 0.0 => return Err(attribute(MM_PER_PIXEL, expected)),
         length => length,
     };
+    let view_mm = attributes.view()?;
     Ok(RadianceFile {
         map,
         mm_per_pixel,
+        view_mm,
         scale,
         provenance: attributes.provenance()?,
     })
@@ -222,6 +224,23 @@ impl Attributes<'_> {
             None => Ok(None),
             Some(AttributeValue::F64(value)) if value.is_finite() => Ok(Some(*value)),
             Some(_) => Err(attribute(name, expected)),
+        }
+    }
+
+    /// The nine numbers of [`VIEW`].
+    fn view(&self) -> Result<Option<[f64; 9]>, ExrError> {
+        const EXPECTED: &str = "nine numbers, row by row, that map pixels to mm";
+        if self.get(VIEW).is_none() {
+            return Ok(None);
+        }
+        let numbers: Option<Vec<f64>> = self
+            .text(VIEW, EXPECTED)?
+            .split_whitespace()
+            .map(|word| word.parse().ok().filter(|v: &f64| v.is_finite()))
+            .collect();
+        match numbers.and_then(|n| <[f64; 9]>::try_from(n).ok()) {
+            Some(numbers) => Ok(Some(numbers)),
+            None => Err(attribute(VIEW, EXPECTED)),
         }
     }
 

@@ -5,7 +5,7 @@
 
 use super::{
     CHANNELS, COUNTS_PER_SECOND, ExrError, MM_PER_PIXEL, MOSAIC, PER_SQUARE_MILLIMETRE, PROVENANCE,
-    RadianceFile, U_SCALE, UNIT, VARIANCE,
+    RadianceFile, U_SCALE, UNIT, VARIANCE, VIEW,
 };
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -149,6 +149,10 @@ fn header(file: &RadianceFile, layers: &BTreeMap<String, &[f32]>) -> Result<Vec<
     }
     if let Some(length) = file.mm_per_pixel {
         header.attribute(MM_PER_PIXEL, "double", &length.to_le_bytes())?;
+    }
+    if let Some(view) = file.view_mm {
+        let numbers = view.map(|v| format!("{v:?}")).join(" ");
+        header.attribute(VIEW, "string", numbers.as_bytes())?;
     }
     for scale in &file.scale {
         let name = format!("{U_SCALE}{}", scale.channel);
