@@ -110,7 +110,8 @@ pub(crate) struct InitArgs {
 pub(crate) struct FitChoice {
     /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit), better-dipole,
     /// kienle-patterson, photon-beam-diffusion (takes --g), multipole (a slab; needs a thickness),
-    /// directional (an oblique beam) or monte-carlo (the transport equation itself; needs --g).
+    /// directional (an oblique beam), monte-carlo (the transport equation itself; needs --g), or
+    /// all: the dipole, and beside it every model that applies.
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.

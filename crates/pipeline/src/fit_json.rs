@@ -1,6 +1,7 @@
 //! `fit.json`: the fits of a capture, for other programs.
 
 use crate::capture::Input;
+use crate::comparison::Compared;
 use crate::confirm::Confirmation;
 use fit::{Constraint, Contribution, Estimate, Fit, Termination};
 use serde::Serialize;
@@ -29,6 +30,38 @@ pub struct FitDocument {
     pub assumptions: Vec<String>,
     /// The channels.
     pub channels: Vec<Channel>,
+    /// The same channels under every model that applies, where that was asked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<Model>,
+}
+
+/// What one model makes of the channels.
+#[derive(Clone, Debug, Serialize)]
+pub struct Model {
+    model: String,
+    g: Option<f64>,
+    thickness_mm: Option<f64>,
+    /// Why there are no channels, where there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+    /// The model's total over the whole plane per power that enters, of each channel.
+    total_reflectance: Vec<f64>,
+    channels: Vec<Channel>,
+}
+
+impl From<&Compared> for Model {
+    fn from(compared: &Compared) -> Self {
+        let choice = &compared.given.model;
+        let fits = compared.outcome.as_deref().unwrap_or_default();
+        Self {
+            model: choice.name.clone(),
+            g: choice.g,
+            thickness_mm: choice.slab.map(|slab| slab.thickness_mm),
+            error: compared.outcome.as_ref().err().cloned(),
+            total_reflectance: compared.totals().unwrap_or_default(),
+            channels: fits.iter().map(Channel::from).collect(),
+        }
+    }
 }
 
 /// A file and its hash.
@@ -192,7 +225,15 @@ impl FitDocument {
             constraint: constraint_name(constraint),
             assumptions: assumptions.to_vec(),
             channels: fits.iter().map(Channel::from).collect(),
+            models: vec![],
         }
+    }
+
+    /// The same document with the fits of every model.
+    #[must_use]
+    pub fn with_models(mut self, compared: &[Compared]) -> Self {
+        self.models = compared.iter().map(Model::from).collect();
+        self
     }
 
     /// The same document with what photon counting says of each channel.

@@ -23,6 +23,7 @@
 //! | [`library`] | the tables that ship with beamspot |
 
 pub mod capture;
+pub mod comparison;
 pub mod confirm;
 mod consistency;
 pub mod error;

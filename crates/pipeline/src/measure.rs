@@ -1,6 +1,7 @@
 //! The main job: frames to materials.
 
 use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
+use crate::comparison::{self, Compared};
 use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::fit_json::FitDocument;
@@ -26,6 +27,8 @@ pub struct Choices {
     pub constraint: Constraint,
     /// First and last radius, mm; `None` lets the fit choose.
     pub range_mm: Option<(f64, f64)>,
+    /// Whether every other model that applies is fitted as well.
+    pub compare: bool,
     /// Whether the fitted medium is simulated and laid over data and model.
     pub confirm: bool,
 }
@@ -36,6 +39,7 @@ impl Default for Choices {
             model: ModelChoice::default(),
             constraint: Constraint::Joint,
             range_mm: None,
+            compare: false,
             confirm: true,
         }
     }
@@ -77,6 +81,8 @@ pub struct Measurement {
     pub fits: Vec<Fit>,
     /// What photon counting says of each fit; empty where it was not asked.
     pub confirmations: Vec<Option<Confirmation>>,
+    /// The fits of every model that applies; empty where it was not asked.
+    pub compared: Vec<Compared>,
     /// The rows for a table.
     pub materials: Vec<Material>,
     /// Defaults that stood in for what the manifest left out.
@@ -320,6 +326,21 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
             monitor.step();
         }
     }
+    let compared = if choices.compare {
+        let all = |given: &Given| {
+            measured
+                .iter()
+                .zip(&radiance.scale_inputs)
+                .map(|(m, scale)| {
+                    monitor.check()?;
+                    fitting::fit_channel(&m.profile, Some(&m.total), scale, given)
+                })
+                .collect::<Result<Vec<Fit>>>()
+        };
+        comparison::compare(&known(capture, choices), &given, all).map_err(|e| e.within(place()))?
+    } else {
+        vec![]
+    };
     let materials = fitting::materials(&fits, &capture.material, &given)?;
     Ok(Measurement {
         material: capture.material.clone(),
@@ -329,6 +350,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         given,
         fits,
         confirmations,
+        compared,
         materials,
     })
 }
@@ -362,7 +384,9 @@ impl Measurement {
             &self.radiance.inputs,
             &self.assumptions,
         );
-        document.with_confirmations(&self.confirmations)
+        document
+            .with_confirmations(&self.confirmations)
+            .with_models(&self.compared)
     }
 
     /// The profile of each channel.
@@ -386,19 +410,26 @@ fn exit(capture: &manifest::Capture, angle: f64) -> Exit {
     }
 }
 
-/// The model that was asked for, with what the manifest knows of the sample where it uses that: g,
-/// where none was typed, the thickness and the way the beam falls.
+/// The model that was asked for, with what the manifest knows of the sample where it uses that.
 fn chosen_model(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
+    let known = known(capture, choices);
+    let mut model = known.called(&known.name);
+    // A g that was typed and is not used is refused, not ignored; with all models one may use it.
+    if !choices.compare {
+        model.g = model.g.or(choices.model.g);
+    }
+    model
+}
+
+/// What any model could want to know of the sample: g, where none was typed, the thickness and the
+/// way the beam falls.
+fn known(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
     let mut model = choices.model.clone();
-    if model.uses_g() {
-        model.g = model.g.or(capture.model.g);
-    }
-    if model.uses_slab() {
-        model.slab = capture.sample.thickness_mm.map(|thickness_mm| SlabChoice {
-            thickness_mm,
-            eta_below: capture.sample.eta_below,
-        });
-    }
+    model.g = model.g.or(capture.model.g);
+    model.slab = capture.sample.thickness_mm.map(|thickness_mm| SlabChoice {
+        thickness_mm,
+        eta_below: capture.sample.eta_below,
+    });
     model.beam.angle = capture.beam.angle_deg.to_radians();
     model
 }

@@ -96,6 +96,20 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             truth: None,
         });
     }
+    let mut comparison = vec![];
+    for (index, profile) in profiles.iter().enumerate() {
+        let reports = measurement
+            .compared
+            .iter()
+            .map(|compared| compared.report(index, profile));
+        comparison.push(
+            reports
+                .collect::<Result<Vec<_>>>()?
+                .into_iter()
+                .flatten()
+                .collect(),
+        );
+    }
     let page = Report {
         material: &measurement.material,
         eta: measurement.given.eta,
@@ -105,6 +119,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         channels,
         warnings: vec![],
         assumptions: measurement.assumptions.clone(),
+        comparison,
         confirmation: measurement.confirmation_lines(),
         merge: measurement.radiance.merge_lines.clone(),
         tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),

@@ -24,6 +24,19 @@ pub struct ChannelReport<'a> {
     pub truth: Option<Coefficients>,
 }
 
+/// What one of several models makes of a channel.
+#[derive(Clone, Debug)]
+pub struct ModelReport<'a> {
+    /// Name of the model.
+    pub name: &'a str,
+    /// Its fit.
+    pub fit: &'a Fit,
+    /// Its curve, in the terms of [`ChannelReport::model_curve`].
+    pub curve: Vec<CurvePoint>,
+    /// Its total over the whole plane, per power that enters the medium.
+    pub total_reflectance: f64,
+}
+
 /// A point of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurvePoint {

@@ -1,5 +1,7 @@
 //! The figure of one channel: profile and fit above, residuals below, over one axis of radius.
 
+pub(crate) mod comparison;
+
 use crate::axis::Axis;
 use crate::channel::{ChannelReport, CurvePoint};
 use crate::markup::{escaped, svg};
@@ -232,6 +234,11 @@ impl<'a> Plot<'a> {
     }
 
     fn profile(&self, out: &mut String) {
+        self.points(out);
+        self.model(out);
+    }
+
+    fn points(&self, out: &mut String) {
         let color = self.channel.color_class();
         let (mut bars, mut arrows) = (String::new(), String::new());
         let (mut used, mut left_out) = (String::new(), String::new());
@@ -277,7 +284,6 @@ impl<'a> Plot<'a> {
              d=\"{arrows}\"/>\n<g class=\"{color} out\">\n{left_out}</g>\n<g \
              class=\"{color}\">\n{used}</g>\n"
         );
-        self.model(out);
     }
 
     /// A line through the points that have a place on both axes.

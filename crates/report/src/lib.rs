@@ -22,7 +22,7 @@ mod number;
 mod page;
 mod table;
 
-pub use channel::{ChannelReport, CurvePoint};
+pub use channel::{ChannelReport, CurvePoint, ModelReport};
 pub use figure::figure_svg;
 pub use number::{at_least, at_most, significant, uncertain};
 pub use page::{Input, Report, report_html};

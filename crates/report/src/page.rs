@@ -1,9 +1,9 @@
 //! One page that holds a whole measurement.
 
-use crate::channel::ChannelReport;
-use crate::figure::{STYLE, drawing, shown_chi2};
+use crate::channel::{ChannelReport, ModelReport};
+use crate::figure::{self, STYLE, drawing, shown_chi2};
 use crate::markup::{escaped, html, sentence};
-use crate::number::{exact, fixed, interval, significant, uncertain};
+use crate::number::{at_most, exact, fixed, interval, significant, uncertain};
 use fit::{Constraint, Estimate, Termination};
 use std::fmt::Write;
 
@@ -31,6 +31,9 @@ pub struct Report<'a> {
     pub warnings: Vec<String>,
     /// Defaults and estimates that stood in for what was not given, one sentence each.
     pub assumptions: Vec<String>,
+    /// What every model that applies makes of each channel, in the order of `channels`; empty where
+    /// it was not asked.
+    pub comparison: Vec<Vec<ModelReport<'a>>>,
     /// What photon counting says of the fits, one sentence each.
     pub confirmation: Vec<String>,
     /// What became of the frames: used, saturated, masked; one sentence each.
@@ -85,6 +88,7 @@ pub fn report_html(report: &Report) -> String {
             drawing(report.material, channel, "")
         );
     }
+    comparison(&mut out, report);
     list(&mut out, "Confirmation", &report.confirmation);
     list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
@@ -296,6 +300,75 @@ fn totals(out: &mut String, report: &Report) {
             .map(row)
             .collect::<Vec<Vec<String>>>(),
     );
+}
+
+/// The models side by side.
+fn comparison(out: &mut String, report: &Report) {
+    if report.comparison.iter().all(Vec::is_empty) {
+        return;
+    }
+    out.push_str("<h2>Models side by side</h2>\n");
+    for (channel, models) in report.channels.iter().zip(&report.comparison) {
+        let rows: Vec<Vec<String>> = models
+            .iter()
+            .map(|model| {
+                let fit = model.fit;
+                let sigma_a = match fit.upper_limit {
+                    Some(limit) => at_most(limit),
+                    None => uncertain(fit.sigma_a.value, fit.sigma_a.u),
+                };
+                let search = match fit.termination {
+                    Termination::Converged => "converged",
+                    Termination::AtBound => "ended at σₐ = 0",
+                    Termination::OutOfEvaluations => "stopped early",
+                };
+                vec![
+                    escaped(model.name),
+                    html(&uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u)),
+                    html(&sigma_a),
+                    html(&significant(model.total_reflectance, 4)),
+                    html(&significant(fit.scale, 4)),
+                    html(&shown_chi2(fit.reduced_chi2)),
+                    html(search),
+                ]
+            })
+            .collect();
+        let name = escaped(&channel.name());
+        table(
+            out,
+            &format!(
+                "Channel {name}. Rᵈ is each model's total of the light that enters; u holds what \
+                 the budget names, and not the error of the model itself."
+            ),
+            &[
+                "model",
+                "σₛ′ (mm⁻¹)",
+                "σₐ (mm⁻¹)",
+                "Rᵈ",
+                "scale",
+                "reduced χ²",
+                "search",
+            ],
+            &rows,
+        );
+        let _ = writeln!(
+            out,
+            "<figure>\n{}</figure>",
+            figure::comparison::drawing(report.material, channel, models)
+        );
+        let said = models.iter().flat_map(|model| {
+            let warnings = model.fit.warnings.iter();
+            warnings.map(|w| format!("{}: {w}", model.name))
+        });
+        let said: Vec<String> = said.collect();
+        if !said.is_empty() {
+            out.push_str("<ul>\n");
+            for line in &said {
+                let _ = writeln!(out, "<li>{}</li>", sentence(line));
+            }
+            out.push_str("</ul>\n");
+        }
+    }
 }
 
 /// The fit beside the coefficients that made the data.

@@ -5,8 +5,9 @@ use crate::args::{Common, FitArgs};
 use ::fit::{Constraint, Fit};
 use ::profile::Exit;
 use physics::footprint::Beam;
-use physics::{ObliqueBeam, TotalReflectance};
+use physics::{ObliqueBeam, RadialProfile, TotalReflectance};
 use pipeline::capture::Input;
+use pipeline::comparison;
 use pipeline::error::Blame;
 use pipeline::files::{Outputs, read, split};
 use pipeline::fit_json::FitDocument;
@@ -50,8 +51,13 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
                 .to_owned(),
         );
     }
+    let known = known(args)?;
     let given = Given {
-        model: model(args)?,
+        model: if args.fit.compares() {
+            known.called(&known.name)
+        } else {
+            known.clone()
+        },
         constraint,
         range_mm: args.fit.range,
         eta: args.eta,
@@ -67,9 +73,8 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         u_fwhm_mm: 0.0,
         pixel_mm: args.mm_per_pixel,
     };
-    let fits = profiles
-        .iter()
-        .map(|profile| {
+    let fit_all = |given: &Given| {
+        let fit_one = |profile: &RadialProfile| {
             let total = totals.iter().find(|t| t.channel == profile.channel);
             let u_scale = args
                 .u_scale
@@ -79,9 +84,16 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
                 source: "white reference",
                 u_relative: u_scale,
             }];
-            fitting::fit_channel(profile, total, &scale, &given).map_err(|e| e.within(&place))
-        })
-        .collect::<Result<Vec<Fit>>>()?;
+            fitting::fit_channel(profile, total, &scale, given).map_err(|e| e.within(&place))
+        };
+        profiles.iter().map(fit_one).collect::<Result<Vec<Fit>>>()
+    };
+    let fits = fit_all(&given)?;
+    let compared = if args.fit.compares() {
+        comparison::compare(&known, &given, fit_all)?
+    } else {
+        vec![]
+    };
 
     let document = FitDocument::new(
         &fits,
@@ -91,7 +103,8 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         constraint,
         &inputs,
         &notes,
-    );
+    )
+    .with_models(&compared);
     if let Some(path) = &args.output {
         let (folder, name) = split(path)?;
         let paths: Vec<PathBuf> = inputs.iter().map(|i| i.path.clone()).collect();
@@ -107,11 +120,12 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
     for note in &notes {
         print::line(out, note)?;
     }
-    print::fits(out, &fits)
+    print::fits(out, &fits)?;
+    print::comparison(out, &compared)
 }
 
 /// The model with what the command line knows of the sample.
-fn model(args: &FitArgs) -> Result<ModelChoice> {
+fn known(args: &FitArgs) -> Result<ModelChoice> {
     let choice = ModelChoice {
         slab: args.thickness.map(|thickness_mm| SlabChoice {
             thickness_mm,
@@ -123,7 +137,7 @@ fn model(args: &FitArgs) -> Result<ModelChoice> {
         },
         ..args.fit.model()
     };
-    if args.center_offset != 0.0 && !choice.uses_beam() {
+    if args.center_offset != 0.0 && !choice.uses_beam() && !args.fit.compares() {
         let message = format!(
             "model {} has its centre where the beam enters, got --center-offset {}: leave it out, \
              or take model directional",

@@ -29,6 +29,7 @@ pub(crate) fn run(
         model: args.fit.model(),
         constraint: args.fit.constraint.into(),
         range_mm: args.fit.range,
+        compare: args.fit.compares(),
         confirm: !args.no_confirm,
     };
     let loaded = args
@@ -123,6 +124,7 @@ pub(crate) fn summary(
         ),
     )?;
     print::fits(out, &measurement.fits)?;
+    print::comparison(out, &measurement.compared)?;
     for confirmation in measurement.confirmation_lines() {
         print::line(out, confirmation)?;
     }

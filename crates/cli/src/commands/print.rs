@@ -1,6 +1,7 @@
 //! What several commands print.
 
 use fit::{Constraint, Fit, Termination};
+use pipeline::comparison::Compared;
 use pipeline::library::ModelChoice;
 use pipeline::{Error, Kind, Result};
 use report::{at_most, significant, text_table, uncertain};
@@ -22,11 +23,22 @@ impl From<ConstraintArg> for Constraint {
 impl FitChoice {
     /// The model that was asked for.
     pub(crate) fn model(&self) -> ModelChoice {
+        let default = ModelChoice::default();
+        let name = if self.compares() {
+            default.name.clone()
+        } else {
+            self.model.clone()
+        };
         ModelChoice {
-            name: self.model.clone(),
+            name,
             g: self.g,
-            ..ModelChoice::default()
+            ..default
         }
+    }
+
+    /// Whether all models were asked for.
+    pub(crate) fn compares(&self) -> bool {
+        self.model == "all"
     }
 }
 
@@ -46,6 +58,70 @@ pub(crate) fn json(out: &mut impl Write, document: &impl Serialize) -> Result<()
     line(out, text)
 }
 
+/// Every model beside the others, channel by channel, and what each warns of.
+pub(crate) fn comparison(out: &mut impl Write, compared: &[Compared]) -> Result<()> {
+    if compared.is_empty() {
+        return Ok(());
+    }
+    let header = [
+        "channel",
+        "model",
+        "sigma_a [mm^-1]",
+        "sigma_s' [mm^-1]",
+        "R",
+        "scale",
+        "chi2/dof",
+        "search",
+    ];
+    let mut rows: Vec<(usize, Vec<String>)> = vec![];
+    let mut said = vec![];
+    for model in compared {
+        let name = model.name();
+        let fits = match &model.outcome {
+            Ok(fits) => fits,
+            Err(why) => {
+                said.push(format!("{name}: not fitted: {why}"));
+                continue;
+            }
+        };
+        for (index, (fit, total)) in fits.iter().zip(model.totals()?).enumerate() {
+            let row = vec![
+                fit.channel.clone(),
+                name.to_owned(),
+                absorption(fit),
+                uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u),
+                significant(total, 4),
+                significant(fit.scale, 4),
+                format!("{:.2}", fit.reduced_chi2),
+                search(fit).to_owned(),
+            ];
+            rows.push((index, row));
+            let warnings = fit.warnings.iter();
+            said.extend(warnings.map(|w| format!("{name}, {}: {w}", fit.channel)));
+        }
+    }
+    rows.sort_by_key(|(index, _)| *index);
+    let rows: Vec<Vec<String>> = rows.into_iter().map(|(_, row)| row).collect();
+    line(out, "models side by side:")?;
+    line(out, text_table(&header, &rows).trim_end())?;
+    said.iter().try_for_each(|text| line(out, text))
+}
+
+fn absorption(fit: &Fit) -> String {
+    match fit.upper_limit {
+        Some(limit) => at_most(limit),
+        None => uncertain(fit.sigma_a.value, fit.sigma_a.u),
+    }
+}
+
+fn search(fit: &Fit) -> &'static str {
+    match fit.termination {
+        Termination::Converged => "converged",
+        Termination::AtBound => "at bound",
+        Termination::OutOfEvaluations => "gave up",
+    }
+}
+
 /// The coefficients of each channel, for a person.
 pub(crate) fn fits(out: &mut impl Write, fits: &[Fit]) -> Result<()> {
     let header = [
@@ -61,24 +137,15 @@ pub(crate) fn fits(out: &mut impl Write, fits: &[Fit]) -> Result<()> {
     let rows: Vec<Vec<String>> = fits
         .iter()
         .map(|fit| {
-            let absorption = match fit.upper_limit {
-                Some(limit) => at_most(limit),
-                None => uncertain(fit.sigma_a.value, fit.sigma_a.u),
-            };
-            let search = match fit.termination {
-                Termination::Converged => "converged",
-                Termination::AtBound => "at bound",
-                Termination::OutOfEvaluations => "gave up",
-            };
             vec![
                 fit.channel.clone(),
-                absorption,
+                absorption(fit),
                 uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u),
                 significant(1.0 / fit.coefficients().sigma_t_prime(), 3),
                 format!("{:.2}-{:.2}", fit.range_mm.0, fit.range_mm.1),
                 format!("{:.1} %", 100.0 * fit.share_outside),
                 format!("{:.2}", fit.reduced_chi2),
-                search.to_owned(),
+                search(fit).to_owned(),
             ]
         })
         .collect();
