@@ -11,6 +11,7 @@ pub use read::read_radiance;
 pub use write::write_radiance;
 
 use physics::RadianceMap;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -47,9 +48,9 @@ pub struct ChannelScale {
 
 /// A merged picture and what must travel with it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct RadianceFile {
-    /// The picture.
-    pub map: RadianceMap,
+pub struct RadianceFile<'a> {
+    /// The picture; a writer borrows it, since there may not be room for two.
+    pub map: Cow<'a, RadianceMap>,
     /// Length on the sample that a pixel sees, mm, where it is known (`beamspot.mm_per_pixel`).
     pub mm_per_pixel: Option<f64>,
     /// Where no such length is the same everywhere: the projective map from pixels to mm on the
@@ -69,9 +70,9 @@ pub enum ExrError {
     /// No EXR, a damaged one, or one that cannot be written.
     #[error("EXR: {0}")]
     Exr(#[from] ::exr::error::Error),
-    /// Writing failed.
-    #[error("the radiance map cannot be written: {0}")]
-    Write(#[from] std::io::Error),
+    /// Reading or writing failed.
+    #[error("the radiance map cannot be read or written: {0}")]
+    Io(#[from] std::io::Error),
     /// Several parts, deep data or subsampled layers.
     #[error(
         "the EXR file is {0}; expected one part of flat scan lines or tiles, as `beamspot hdr` writes it"
@@ -137,7 +138,7 @@ mod tests {
     use physics::{ChannelMap, Mosaic};
     use proptest::prelude::*;
 
-    pub(super) fn sample() -> RadianceFile {
+    pub(super) fn sample() -> RadianceFile<'static> {
         let channel = |name: &str, first: f32| ChannelMap {
             name: name.to_owned(),
             value: (0..6).map(|i| first - i as f32 * 0.1).collect(),
@@ -148,12 +149,12 @@ mod tests {
             u_scale_relative: 0.1 + 0.2,
         };
         RadianceFile {
-            map: RadianceMap {
+            map: Cow::Owned(RadianceMap {
                 width: 3,
                 height: 2,
                 channels: vec![channel("R", 0.3), channel("G", -1e-9), channel("B", 7.0)],
                 mosaic: None,
-            },
+            }),
             mm_per_pixel: Some(1.0 / 3.0),
             view_mm: Some([0.1, 1e-3, 0.0, -1e-3, 0.2, 1.0 / 3.0, 1e-5, 0.0, 1.0]),
             scale: vec![scale("R"), scale("G"), scale("B")],
@@ -170,16 +171,20 @@ mod tests {
         }
     }
 
-    pub(super) fn bytes(file: &RadianceFile) -> Vec<u8> {
+    pub(super) fn bytes(file: &RadianceFile<'_>) -> Vec<u8> {
         let mut out = Vec::new();
         write_radiance(file, &mut out).unwrap();
         out
     }
 
+    pub(super) fn read(bytes: &[u8]) -> Result<RadianceFile<'static>, ExrError> {
+        read_radiance(std::io::Cursor::new(bytes))
+    }
+
     #[test]
     fn what_is_written_comes_back() {
         let file = sample();
-        assert_eq!(read_radiance(&bytes(&file)).unwrap(), file);
+        assert_eq!(read(&bytes(&file)).unwrap(), file);
         let bare = RadianceFile {
             mm_per_pixel: None,
             view_mm: None,
@@ -187,26 +192,28 @@ mod tests {
             provenance: BTreeMap::new(),
             ..file
         };
-        assert_eq!(read_radiance(&bytes(&bare)).unwrap(), bare);
+        assert_eq!(read(&bytes(&bare)).unwrap(), bare);
     }
 
     #[test]
     fn a_mosaic_is_one_plane_with_its_pattern() {
         let mut file = sample();
-        file.map.channels.truncate(1);
-        file.map.channels[0].name = Mosaic::PLANE.to_owned();
-        file.map.mosaic = Some("GBRG".parse().unwrap());
+        let map = file.map.to_mut();
+        map.channels.truncate(1);
+        map.channels[0].name = Mosaic::PLANE.to_owned();
+        map.mosaic = Some("GBRG".parse().unwrap());
         let whole = bytes(&file);
-        assert_eq!(read_radiance(&whole).unwrap(), file);
+        assert_eq!(read(&whole).unwrap(), file);
         let at = whole.windows(4).position(|w| w == b"GBRG").unwrap();
         let mut damaged = whole.clone();
         damaged[at] = b'X';
-        let error = read_radiance(&damaged).unwrap_err().to_string();
+        let error = read(&damaged).unwrap_err().to_string();
         assert!(
             error.contains("`beamspot.mosaic`: expected a pattern"),
             "{error}"
         );
-        file.map.channels.push(file.map.channels[0].clone());
+        let again = file.map.channels[0].clone();
+        file.map.to_mut().channels.push(again);
         assert!(write_radiance(&file, Vec::new()).is_err());
     }
 
@@ -217,16 +224,19 @@ mod tests {
 
     #[test]
     fn a_map_that_contradicts_itself_is_not_written() {
-        let fails = |change: fn(&mut RadianceFile)| {
+        let fails = |change: fn(&mut RadianceFile<'_>)| {
             let mut file = sample();
             change(&mut file);
             write_radiance(&file, Vec::new()).unwrap_err().to_string()
         };
-        assert!(fails(|f| f.map.width = 4).contains("channel `R` cannot be written"));
-        assert!(fails(|f| f.map.channels[1].name = "R".to_owned()).contains("twice"));
-        assert!(fails(|f| f.map.channels[1].name = "R.variance".to_owned()).contains(".variance"));
+        assert!(fails(|f| f.map.to_mut().width = 4).contains("channel `R` cannot be written"));
+        assert!(fails(|f| f.map.to_mut().channels[1].name = "R".to_owned()).contains("twice"));
+        assert!(
+            fails(|f| f.map.to_mut().channels[1].name = "R.variance".to_owned())
+                .contains(".variance")
+        );
         assert!(fails(|f| f.scale.truncate(1)).contains("scale"));
-        assert!(fails(|f| f.map.channels.clear()).contains("no channel"));
+        assert!(fails(|f| f.map.to_mut().channels.clear()).contains("no channel"));
     }
 
     proptest! {
@@ -239,13 +249,13 @@ mod tests {
                 let at = index.index(bytes.len());
                 bytes[at] = value;
             }
-            let _ = read_radiance(&bytes);
+            let _ = read(&bytes);
         }
 
         #[test]
         fn a_file_cut_short_is_an_error(share in 0.0..1.0_f64) {
             let bytes = bytes(&sample());
-            prop_assert!(read_radiance(&bytes[..(bytes.len() as f64 * share) as usize]).is_err());
+            prop_assert!(read(&bytes[..(bytes.len() as f64 * share) as usize]).is_err());
         }
     }
 }

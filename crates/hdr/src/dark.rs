@@ -25,13 +25,22 @@ impl DarkFrame {
     ///
     /// The exposure is not positive and finite, or the frame does not hold what its size says.
     pub fn new(frame: &Frame, exposure_s: f64) -> Result<Self, MergeError> {
+        Self::of(frame.clone(), exposure_s)
+    }
+
+    /// The same for a frame that is needed for nothing else.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn of(frame: Frame, exposure_s: f64) -> Result<Self, MergeError> {
         check_exposure(exposure_s)?;
-        check_frame(frame)?;
+        check_frame(&frame)?;
         Ok(Self {
-            size: size(frame),
+            size: size(&frame),
             exposure_s,
             count: 1,
-            sum: frame.samples.clone(),
+            sum: frame.samples,
         })
     }
 

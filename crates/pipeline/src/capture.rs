@@ -6,6 +6,7 @@ use crate::monitor::Monitor;
 use crate::reading::read_frame;
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
+use formats::metadata::Metadata;
 use formats::{Capture, Decoded, Depth, parse_manifest};
 use hdr::overlap::Placed;
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
@@ -91,6 +92,13 @@ pub struct Merged {
     pub comparison: Comparison,
     /// Whether the measured exposures took the place of the nominal ones.
     pub uses_measured: bool,
+}
+
+/// A file of a frame and what it says.
+struct ReadFrame {
+    decoded: Decoded,
+    metadata: Metadata,
+    input: Input,
 }
 
 /// Relative deviation of an exposure that no shutter makes.
@@ -273,17 +281,36 @@ impl Loaded {
         let mut inputs = Vec::with_capacity(frames.len() + darks.len());
         let mut seen = Consistency::default();
         let mut dark: Option<DarkFrame> = None;
+        let mut buffers = [vec![], vec![]];
+        let mut sample_count = 0;
         for (index, entry) in by_exposure(frames).into_iter().enumerate() {
             monitor.check()?;
+            let [first, second] = &mut buffers;
             // Frames of one exposure share their dark.
-            if dark
+            let frame = if dark
                 .as_ref()
                 .is_none_or(|d| d.exposure_s() != entry.exposure_s)
             {
-                dark = Some(self.dark(entry, darks, &mut inputs, &mut seen, monitor)?);
-            }
+                // Room for the new one.
+                drop(dark.take());
+                let mut make_dark =
+                    || self.dark(entry, darks, &mut inputs, &mut seen, first, monitor);
+                // To unpack a file keeps one thread busy, and its bytes are few. Plain ones come as
+                // fast as memory is, and there may not be room for the bytes of two.
+                let (new, frame) = if self.is_packed(entry, sample_count) {
+                    rayon::join(make_dark, || self.read(entry, second))
+                } else {
+                    let new = make_dark();
+                    (new, self.read(entry, first))
+                };
+                dark = Some(new?);
+                frame
+            } else {
+                self.read(entry, first)
+            };
+            let frame = self.take(entry, frame?, &mut inputs, &mut seen)?;
+            sample_count = frame.samples.len();
             let dark = dark.as_ref().expect("it was made just above");
-            let frame = self.frame(entry, &mut inputs, &mut seen)?;
             each(entry, &frame, dark, index)?;
             monitor.step();
         }
@@ -308,15 +335,16 @@ impl Loaded {
         darks: &[FrameEntry],
         inputs: &mut Vec<Input>,
         seen: &mut Consistency,
+        buffer: &mut Vec<u8>,
         monitor: &dyn Monitor,
     ) -> Result<DarkFrame> {
         let mut sum: Option<DarkFrame> = None;
         for dark in darks.iter().filter(|d| d.same_exposure(entry)) {
-            let frame = self.frame(dark, inputs, seen)?;
+            let frame = self.take(dark, self.read(dark, buffer)?, inputs, seen)?;
             let place = self.place(&dark.file);
             match &mut sum {
                 Some(sum) => sum.add(&frame).input(place)?,
-                none => *none = Some(DarkFrame::new(&frame, entry.exposure_s).input(place)?),
+                none => *none = Some(DarkFrame::of(frame, entry.exposure_s).input(place)?),
             }
             monitor.step();
         }
@@ -332,15 +360,52 @@ impl Loaded {
         inputs: &mut Vec<Input>,
         seen: &mut Consistency,
     ) -> Result<Frame> {
+        self.take(entry, self.read(entry, &mut vec![])?, inputs, seen)
+    }
+
+    /// Whether the file of `entry` is shorter than 16-bit samples are, of which it may hold
+    /// `sample_count`.
+    fn is_packed(&self, entry: &FrameEntry, sample_count: usize) -> bool {
+        let length = std::fs::metadata(self.folder.join(&entry.file)).map_or(0, |m| m.len());
+        length < 2 * sample_count as u64
+    }
+
+    /// Reads the file of `entry` by way of `buffer`.
+    fn read(&self, entry: &FrameEntry, buffer: &mut Vec<u8>) -> Result<ReadFrame> {
         let path = self.folder.join(&entry.file);
+        files::read_into(&path, buffer)?;
+        let bytes = buffer.as_slice();
+        let (read, input) = rayon::join(
+            || read_frame(bytes, &path),
+            || Input::new(&path, &entry.file, bytes),
+        );
+        let (decoded, metadata) = read?;
+        Ok(ReadFrame {
+            decoded,
+            metadata,
+            input,
+        })
+    }
+
+    /// The frame of `entry`, if it belongs to those that were `seen`.
+    fn take(
+        &self,
+        entry: &FrameEntry,
+        read: ReadFrame,
+        inputs: &mut Vec<Input>,
+        seen: &mut Consistency,
+    ) -> Result<Frame> {
+        let ReadFrame {
+            mut decoded,
+            metadata,
+            input,
+        } = read;
         let camera = &self.capture.camera;
-        let bytes = files::read(&path)?;
-        let (mut decoded, metadata) = read_frame(&bytes, &path)?;
+        let path = self.folder.join(&entry.file);
         decoded.mosaic = self
             .mosaic(&decoded)
             .map_err(|e| e.within(path.display()))?;
         let mosaic = decoded.mosaic;
-        let input = Input::new(&path, &entry.file, &bytes);
         let unit = camera.fits_exposure_unit;
         seen.see(entry, &input.blake3, &decoded, &metadata, unit)
             .map_err(|error| error.within(self.input.path.display()))?;

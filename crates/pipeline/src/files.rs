@@ -2,7 +2,7 @@
 
 use crate::error::{Blame, Error, Kind, Result};
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -13,6 +13,29 @@ use tempfile::TempDir;
 /// The error names the file.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).input(path.display())
+}
+
+/// The bytes of a file into `buffer`, whose memory is used again.
+///
+/// # Errors
+///
+/// The error names the file.
+pub(crate) fn read_into(path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
+    buffer.clear();
+    let mut file = File::open(path).input(path.display())?;
+    let length = file.metadata().input(path.display())?.len();
+    buffer.reserve_exact(usize::try_from(length).unwrap_or(0));
+    file.read_to_end(buffer).input(path.display())?;
+    Ok(())
+}
+
+/// A file, to be read piece by piece.
+///
+/// # Errors
+///
+/// The error names the file.
+pub fn open(path: &Path) -> Result<BufReader<File>> {
+    Ok(BufReader::new(File::open(path).input(path.display())?))
 }
 
 /// The text of a file.

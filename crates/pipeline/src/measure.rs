@@ -16,6 +16,7 @@ use formats::exr::{ChannelScale, RadianceFile};
 use physics::footprint::Beam;
 use physics::{Material, RadialProfile, RadianceMap, TotalReflectance};
 use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// What the caller of a measurement chooses.
@@ -122,18 +123,22 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let Sensing { sensor, found } = loaded.sensing(monitor)?;
     let steps = loaded.frame_count(Subject::Sample) + loaded.frame_count(Subject::Reference);
     monitor.begin("merging", steps);
-    let (sample, reference) = rayon::join(
-        || loaded.merge(Subject::Sample, &sensor, monitor),
-        || loaded.merge(Subject::Reference, &sensor, monitor),
-    );
-    let (sample, reference) = (sample?, reference?);
-    let count = |merged: &Merged| merged.map.names().len();
-    if count(&sample) != count(&reference) {
+    // One after the other: each uses all threads, and one picture at a time is in memory.
+    let mut reference = loaded.merge(Subject::Reference, &sensor, monitor)?;
+    let view = loaded.view()?;
+    let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
+    let exit = exit(&loaded.capture, camera_angle.angle);
+    let whites = reference_scales(loaded, &reference, view, exit)?;
+    for channel in &mut reference.map.channels {
+        (channel.value, channel.variance) = (vec![], vec![]);
+    }
+    let sample = loaded.merge(Subject::Sample, &sensor, monitor)?;
+    let count = sample.map.names().len();
+    if count != whites.len() {
         let message = format!(
-            "{}: the sample has {} channels and the reference {}: expected the same camera for both",
+            "{}: the sample has {count} channels and the reference {}: expected the same camera for both",
             loaded.input.path.display(),
-            count(&sample),
-            count(&reference)
+            whites.len(),
         );
         return Err(Error::new(Kind::Input, message));
     }
@@ -150,37 +155,14 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         0.0
     };
 
-    let capture = &loaded.capture;
-    let view = loaded.view()?;
-    let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
-    let exit = exit(capture, camera_angle.angle);
+    let reflectance = &loaded.capture.reference;
     let mut scales = vec![];
     let mut scale_inputs = vec![];
-    for index in 0..count(&sample) {
-        let white = reference.map.channel(index);
-        let medium = capture
-            .reference
-            .medium(index, count(&sample))
-            .input(loaded.input.path.display())?;
-        let options = ReferenceOptions {
-            view,
-            center_px: None,
-            reflectance: capture.reference.reflectance,
-            u_reflectance: capture.reference.u_reflectance(),
-            medium,
-            exit,
-        };
-        let mut scale =
-            profile::reference_scale(&white, reference.map.width, reference.map.height, &options)
-                .input(format!(
-                "{}: reference, channel {}",
-                loaded.input.path.display(),
-                white.name
-            ))?;
+    for mut scale in whites {
         let inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
-                u_relative: options.u_reflectance / options.reflectance,
+                u_relative: reflectance.u_reflectance() / reflectance.reflectance,
             },
             ScaleInput {
                 source: "white reference: noise",
@@ -220,9 +202,42 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     })
 }
 
+/// The scale that each channel of the merged white sets.
+fn reference_scales(
+    loaded: &Loaded,
+    reference: &Merged,
+    view: View,
+    exit: Exit,
+) -> Result<Vec<Scale>> {
+    let capture = &loaded.capture;
+    let RadianceMap { width, height, .. } = reference.map;
+    let count = reference.map.names().len();
+    let of_channel = |index: usize| {
+        let white = reference.map.channel(index);
+        let medium = capture
+            .reference
+            .medium(index, count)
+            .input(loaded.input.path.display())?;
+        let options = ReferenceOptions {
+            view,
+            center_px: None,
+            reflectance: capture.reference.reflectance,
+            u_reflectance: capture.reference.u_reflectance(),
+            medium,
+            exit,
+        };
+        profile::reference_scale(&white, width, height, &options).input(format!(
+            "{}: reference, channel {}",
+            loaded.input.path.display(),
+            white.name
+        ))
+    };
+    (0..count).map(of_channel).collect()
+}
+
 impl Radiance {
     /// The file `radiance.exr`.
-    pub fn to_file(&self, loaded: &Loaded) -> RadianceFile {
+    pub fn to_file(&self, loaded: &Loaded) -> RadianceFile<'_> {
         let names = self.map.names().into_iter();
         let scale = names
             .zip(&self.scales)
@@ -240,7 +255,7 @@ impl Radiance {
             ("manifest_blake3".to_owned(), loaded.input.blake3.clone()),
         ]);
         RadianceFile {
-            map: self.map.clone(),
+            map: Cow::Borrowed(&self.map),
             mm_per_pixel: self.view.square_mm(),
             view_mm: self.view.square_mm().is_none().then(|| self.view.to_rows()),
             scale,

@@ -5,7 +5,7 @@ use crate::args::{Common, ProfileArgs};
 use ::profile::{Measured, ProfileOptions, View, slice_profile};
 use physics::{RadialProfile, RadianceMap, TotalReflectance};
 use pipeline::error::Blame;
-use pipeline::files::{Outputs, read, split};
+use pipeline::files::{Outputs, open, split};
 use pipeline::{Error, Kind, Monitor, Result, capture, measure};
 use report::{text_table, uncertain};
 use serde::Serialize;
@@ -53,14 +53,14 @@ pub(crate) fn run(
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
     let totals_name = PathBuf::from("totals.csv");
-    let open =
+    let outputs_beside =
         |inputs: &[PathBuf]| Outputs::new(&folder, [&name, &totals_name], inputs, common.force);
     let (picture, outputs) = if is_map {
-        let outputs = open(std::slice::from_ref(&args.input))?;
+        let outputs = outputs_beside(std::slice::from_ref(&args.input))?;
         (from_map(args)?, outputs)
     } else {
         let loaded = capture::load(&args.input)?;
-        let outputs = open(&loaded.paths())?;
+        let outputs = outputs_beside(&loaded.paths())?;
         (from_capture(&loaded, monitor)?, outputs)
     };
     let place = args.input.display();
@@ -99,7 +99,7 @@ fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Pictu
 
 fn from_map(args: &ProfileArgs) -> Result<Picture> {
     let place = args.input.display();
-    let file = formats::read_radiance(&read(&args.input)?).input(&place)?;
+    let file = formats::read_radiance(open(&args.input)?).input(&place)?;
     let missing = |what: &str| Error::new(Kind::Input, format!("{place}: {what}"));
     if file.scale.is_empty() {
         return Err(missing(
@@ -118,7 +118,7 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
     };
     Ok(Picture {
         u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
-        map: file.map,
+        map: file.map.into_owned(),
         view,
         center_px: None,
     })

@@ -12,21 +12,26 @@ use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Text};
 use physics::{ChannelMap, Mosaic, RadianceMap};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::io::Cursor;
+use std::io::{BufRead, Seek, SeekFrom};
 
 /// No codec of the format packs more tightly than Deflate, 1032 bytes into one, and the
 /// lossy ones are worth nothing to us.
 const LARGEST_RATIO: usize = 1100;
 
-/// The radiance map in `bytes`, as [`write_radiance`](super::write_radiance) wrote it, whatever
-/// lossless compression it went through since.
+/// The radiance map that `file` holds, as [`write_radiance`](super::write_radiance) wrote it,
+/// whatever lossless compression it went through since.
 ///
 /// # Errors
 ///
 /// [`ExrError`] names the attribute, the layer or the pixel.
-pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
-    check_header(bytes)?;
+pub fn read_radiance(mut file: impl BufRead + Seek) -> Result<RadianceFile<'static>, ExrError> {
+    let length = file.seek(SeekFrom::End(0))?;
+    file.rewind()?;
+    let meta = MetaData::read_from_buffered(&mut file, false)?;
+    check_header(&meta, usize::try_from(length).unwrap_or(usize::MAX))?;
+    file.rewind()?;
     let mut image = exr::image::read::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -34,7 +39,7 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
         .first_valid_layer()
         .all_attributes()
         .non_parallel()
-        .from_buffered(Cursor::new(bytes))?;
+        .from_buffered(file)?;
     let layer = &mut image.layer_data;
     let attributes = Attributes(&layer.attributes.other);
     let size = layer.size;
@@ -111,7 +116,7 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
     };
     let view_mm = attributes.view()?;
     Ok(RadianceFile {
-        map,
+        map: Cow::Owned(map),
         mm_per_pixel,
         view_mm,
         scale,
@@ -120,8 +125,7 @@ pub fn read_radiance(bytes: &[u8]) -> Result<RadianceFile, ExrError> {
 }
 
 /// Refuses what the decoder would allocate for, or panic at, before it is asked.
-fn check_header(bytes: &[u8]) -> Result<(), ExrError> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
+fn check_header(meta: &MetaData, length: usize) -> Result<(), ExrError> {
     let [header] = meta.headers.as_slice() else {
         return Err(ExrError::Layout("made of several parts"));
     };
@@ -144,14 +148,14 @@ fn check_header(bytes: &[u8]) -> Result<(), ExrError> {
     let fits = width
         .checked_mul(height)
         .and_then(|pixels| pixels.checked_mul(header.channels.bytes_per_pixel))
-        .is_some_and(|size| size <= bytes.len().saturating_mul(ratio));
+        .is_some_and(|size| size <= length.saturating_mul(ratio));
     if fits {
         Ok(())
     } else {
         Err(ExrError::Oversized {
             width,
             height,
-            bytes: bytes.len(),
+            bytes: length,
         })
     }
 }
@@ -263,21 +267,27 @@ impl Attributes<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{bytes, sample};
+    use super::super::tests::{bytes, read, sample};
     use super::*;
     use exr::prelude::{
         AnyChannel, AnyChannels, Encoding, Image, Layer, LayerAttributes, WritableImage,
     };
+    use std::io::Cursor;
 
     /// The same layers written by the `exr` crate, with any attributes.
     fn foreign(encoding: Encoding, attributes: LayerAttributes) -> Vec<u8> {
-        let list = sample().map.channels.into_iter().flat_map(|channel| {
-            let variance = format!("{}.variance", channel.name);
-            [
-                AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.value)),
-                AnyChannel::new(variance.as_str(), FlatSamples::F32(channel.variance)),
-            ]
-        });
+        let list = sample()
+            .map
+            .into_owned()
+            .channels
+            .into_iter()
+            .flat_map(|channel| {
+                let variance = format!("{}.variance", channel.name);
+                [
+                    AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.value)),
+                    AnyChannel::new(variance.as_str(), FlatSamples::F32(channel.variance)),
+                ]
+            });
         let channels = AnyChannels::sort(list.collect());
         let image = Image::from_layer(Layer::new((3, 2), attributes, encoding, channels));
         let mut out = Cursor::new(Vec::new());
@@ -291,14 +301,14 @@ mod tests {
         let meta = MetaData::read_from_buffered(Cursor::new(&ours), true).unwrap();
         let attributes = meta.headers[0].own_attributes.clone();
         let compressed = foreign(Encoding::SMALL_LOSSLESS, attributes);
-        assert_eq!(read_radiance(&compressed).unwrap(), sample());
+        assert_eq!(read(&compressed).unwrap(), sample());
     }
 
     #[test]
     fn what_is_missing_is_named() {
         let mut attributes = LayerAttributes::default();
         let mut message = |name: &str, value: AttributeValue| {
-            let found = read_radiance(&foreign(Encoding::UNCOMPRESSED, attributes.clone()))
+            let found = read(&foreign(Encoding::UNCOMPRESSED, attributes.clone()))
                 .unwrap_err()
                 .to_string();
             attributes.other.insert(Text::from(name), value);
@@ -327,22 +337,22 @@ mod tests {
             found.starts_with("attribute `beamspot.u_scale_relative.G`"),
             "{found}"
         );
-        let found = read_radiance(&foreign(Encoding::UNCOMPRESSED, attributes)).unwrap();
+        let found = read(&foreign(Encoding::UNCOMPRESSED, attributes)).unwrap();
         assert_eq!(found.map.channels, sample().map.channels[1..2]);
     }
 
     #[test]
     fn a_pixel_that_no_merge_makes_is_named() {
         let mut file = sample();
-        file.map.channels[1].value[4] = f32::NAN;
-        let found = read_radiance(&bytes(&file)).unwrap_err().to_string();
+        file.map.to_mut().channels[1].value[4] = f32::NAN;
+        let found = read(&bytes(&file)).unwrap_err().to_string();
         assert_eq!(
             found,
             "layer `G`, pixel 1, 1: found NaN, expected a finite number"
         );
         let mut file = sample();
-        file.map.channels[0].variance[0] = -1.0;
-        let found = read_radiance(&bytes(&file)).unwrap_err().to_string();
+        file.map.to_mut().channels[0].variance[0] = -1.0;
+        let found = read(&bytes(&file)).unwrap_err().to_string();
         assert!(
             found.starts_with("layer `R.variance`, pixel 0, 0: found -1"),
             "{found}"
@@ -358,7 +368,7 @@ mod tests {
                 file[corner..corner + 8].copy_from_slice(&[0, 0, 0, 0x10, 0, 0, 0, 0x10]);
             }
         }
-        let found = read_radiance(&file).unwrap_err().to_string();
+        let found = read(&file).unwrap_err().to_string();
         assert!(
             found.contains("promises 268435457 x 268435457 pixels"),
             "{found}"

@@ -19,7 +19,7 @@ const LONGEST_NAME: usize = 255;
 /// # Errors
 ///
 /// [`ExrError::Unwritable`] for a map that contradicts itself, or what the writer reports.
-pub fn write_radiance(file: &RadianceFile, mut out: impl Write) -> Result<(), ExrError> {
+pub fn write_radiance(file: &RadianceFile<'_>, mut out: impl Write) -> Result<(), ExrError> {
     check(file)?;
     let (width, height) = (file.map.width, file.map.height);
     // The format wants layers in the order of their names.
@@ -52,7 +52,7 @@ pub fn write_radiance(file: &RadianceFile, mut out: impl Write) -> Result<(), Ex
     Ok(())
 }
 
-fn check(file: &RadianceFile) -> Result<(), ExrError> {
+fn check(file: &RadianceFile<'_>) -> Result<(), ExrError> {
     let fail = |channel: &str, reason| {
         Err(ExrError::Unwritable {
             channel: channel.to_owned(),
@@ -104,7 +104,7 @@ fn check(file: &RadianceFile) -> Result<(), ExrError> {
     Ok(())
 }
 
-fn header(file: &RadianceFile, layers: &BTreeMap<String, &[f32]>) -> Result<Vec<u8>, ExrError> {
+fn header(file: &RadianceFile<'_>, layers: &BTreeMap<String, &[f32]>) -> Result<Vec<u8>, ExrError> {
     let map = &file.map;
     let mut header = Header {
         bytes: Vec::new(),

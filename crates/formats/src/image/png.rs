@@ -35,16 +35,34 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let (width, height) = (info.width, info.height);
     let size = [width, height, channels];
     let count = sample_count(size, bytes.len() as u64, LARGEST_RATIO, bits)?;
-    let mut stored = vec![0; count * bits as usize / 8];
-    reader.next_frame(&mut stored)?;
+    let mut samples = Vec::with_capacity(count);
+    let mut widen = |stored: &[u8]| {
+        if bits == 16 {
+            let (pairs, _) = stored.as_chunks::<2>();
+            samples.extend(pairs.iter().map(|pair| u16::from_be_bytes(*pair)));
+        } else {
+            samples.extend(stored.iter().copied().map(u16::from));
+        }
+    };
+    if reader.info().interlaced {
+        let mut stored = vec![0; count * bits as usize / 8];
+        reader.next_frame(&mut stored)?;
+        widen(&stored);
+    } else {
+        // Row by row: there need not be room for the frame twice.
+        for _ in 0..height {
+            let row = reader.next_row()?;
+            widen(row.as_ref().map_or(&[], |row| row.data()));
+        }
+    }
     // The rest is read for its checksums alone: a file cut short behind its pixels is damaged.
     reader.finish()?;
-    let samples: Vec<u16> = if bits == 16 {
-        let (pairs, _) = stored.as_chunks::<2>();
-        pairs.iter().map(|pair| u16::from_be_bytes(*pair)).collect()
-    } else {
-        stored.into_iter().map(u16::from).collect()
-    };
+    if samples.len() != count {
+        return Err(ImageError::Truncated {
+            needed: count as u64 * (bits / 8),
+            found: samples.len() as u64 * (bits / 8),
+        });
+    }
     Ok(Decoded {
         frame: Frame {
             width: width as usize,

@@ -75,6 +75,8 @@ pub(super) struct Block<'s, 'a> {
 struct Estimates {
     value: Vec<f32>,
     present: Vec<f32>,
+    /// The largest value of each chunk, none below 0.
+    largest: Vec<f32>,
 }
 
 impl NullaryFnOnce for Block<'_, '_> {
@@ -105,6 +107,7 @@ impl NullaryFnOnce for Block<'_, '_> {
         let empty = Estimates {
             value: vec![0.0; row + 2 * right],
             present: vec![0.0; row + 2 * right],
+            largest: vec![0.0; row.div_ceil(CHUNK)],
         };
         // Rows y − down to y + down; what lies outside the frame is empty.
         let mut window = vec![empty.clone(); 2 * down + 1];
@@ -152,6 +155,7 @@ impl NullaryFnOnce for Block<'_, '_> {
                     None => {
                         last.value.fill(0.0);
                         last.present.fill(0.0);
+                        last.largest.fill(0.0);
                     }
                 }
             }
@@ -182,7 +186,7 @@ fn estimate(sum: &[f32], set: &[u16], tables: &Tables, right: usize, into: &mut 
     let present = &mut into.present[right..][..sum.len()];
     let sums = sum.chunks(CHUNK).zip(set.chunks(CHUNK));
     let targets = value.chunks_mut(CHUNK).zip(present.chunks_mut(CHUNK));
-    for ((sum, set), (value, present)) in sums.zip(targets) {
+    for (((sum, set), (value, present)), largest) in sums.zip(targets).zip(&mut into.largest) {
         if let Some(set) = only(set) {
             let per_time = tables.per_time[usize::from(set)];
             for (value, sum) in value.iter_mut().zip(sum) {
@@ -196,7 +200,23 @@ fn estimate(sum: &[f32], set: &[u16], tables: &Tables, right: usize, into: &mut 
                 present[i] = if per_time > 0.0 { 1.0 } else { 0.0 };
             }
         }
+        *largest = largest_of(value);
     }
+}
+
+/// The largest of `values`, or 0 where all are below. In lanes, since the compiler may not
+/// reorder maxima by itself.
+#[inline(always)]
+fn largest_of(values: &[f32]) -> f32 {
+    let mut lanes = [0.0_f32; 16];
+    let (blocks, rest) = values.as_chunks::<16>();
+    for block in blocks {
+        for (lane, value) in lanes.iter_mut().zip(block) {
+            *lane = if *value > *lane { *value } else { *lane };
+        }
+    }
+    let all = lanes.iter().chain(rest);
+    all.fold(0.0, |most, value| if *value > most { *value } else { most })
 }
 
 /// The number that all of `set` are, if they are.
@@ -225,37 +245,51 @@ impl Step<'_> {
         weight: &mut [f32],
     ) {
         let right = self.layout.right;
-        let all = column.value.len();
-        let (a, b, c) = (
-            &above.value[..all],
-            &middle.value[..all],
-            &below.value[..all],
-        );
-        for (i, sum) in column.value.iter_mut().enumerate() {
-            *sum = a[i] + b[i] + c[i];
-        }
-        let (a, b, c) = (
-            &above.present[..all],
-            &middle.present[..all],
-            &below.present[..all],
-        );
-        for (i, sum) in column.present.iter_mut().enumerate() {
-            *sum = a[i] + b[i] + c[i];
-        }
         let n = samples.len();
-        let (e, p) = (&column.value, &column.present);
-        let (e0, e1, e2) = (&e[..n], &e[right..][..n], &e[2 * right..][..n]);
-        let (p0, p1, p2) = (&p[..n], &p[right..][..n], &p[2 * right..][..n]);
-        let (own, own_present) = (&middle.value[right..][..n], &middle.present[right..][..n]);
-        let (dark, weight) = (&dark[..n], &mut weight[..n]);
-        for i in 0..n {
-            let sum = e0[i] + e1[i] + e2[i] - own[i];
-            let count = (p0[i] + p1[i] + p2[i] - own_present[i]).max(1.0);
-            let room = self.neighbours_limit - dark[i];
-            let good = (samples[i] < self.white)
-                & (sum * self.exposure <= room * count)
-                & (own[i] * self.exposure <= self.own_limit - dark[i]);
-            weight[i] = if good { 1.0 } else { 0.0 };
+        let last = middle.largest.len() - 1;
+        for (chunk, start) in (0..n).step_by(CHUNK).enumerate() {
+            let end = (start + CHUNK).min(n);
+            let (samples, dark) = (&samples[start..end], &dark[start..end]);
+            let weight = &mut weight[start..end];
+            // Most of a picture is far below the limit in most frames, and then no mean of
+            // neighbours can be above it.
+            let beside = chunk.saturating_sub(1)..=(chunk + 1).min(last);
+            let brightest = [above, middle, below]
+                .into_iter()
+                .flat_map(|row| &row.largest[beside.clone()])
+                .fold(0.0, |most: f32, value| most.max(*value));
+            // What a rounding may be off counts for the limit.
+            let most = 1.000_01 * brightest * self.exposure + largest_of(dark);
+            if most <= 0.999_99 * self.neighbours_limit && largest_of(samples) < self.white {
+                weight.fill(1.0);
+                continue;
+            }
+            // From the left neighbour of the first sample to the right one of the last.
+            let reach = start..end + 2 * right;
+            let rows = [above, middle, below];
+            let [a, b, c] = rows.map(|row| &row.value[reach.clone()]);
+            let e = &mut column.value[..reach.len()];
+            for (i, sum) in e.iter_mut().enumerate() {
+                *sum = a[i] + b[i] + c[i];
+            }
+            let own = &b[right..];
+            let [a, b, c] = rows.map(|row| &row.present[reach.clone()]);
+            let p = &mut column.present[..reach.len()];
+            for (i, sum) in p.iter_mut().enumerate() {
+                *sum = a[i] + b[i] + c[i];
+            }
+            let own_present = &b[right..];
+            let (e1, e2) = (&e[right..], &e[2 * right..]);
+            let (p1, p2) = (&p[right..], &p[2 * right..]);
+            for i in 0..weight.len() {
+                let sum = e[i] + e1[i] + e2[i] - own[i];
+                let count = (p[i] + p1[i] + p2[i] - own_present[i]).max(1.0);
+                let room = self.neighbours_limit - dark[i];
+                let good = (samples[i] < self.white)
+                    & (sum * self.exposure <= room * count)
+                    & (own[i] * self.exposure <= self.own_limit - dark[i]);
+                weight[i] = if good { 1.0 } else { 0.0 };
+            }
         }
     }
 
