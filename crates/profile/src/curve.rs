@@ -70,6 +70,11 @@ impl Curve {
         a + tau * (b + tau * (c + tau * d))
     }
 
+    /// Its coefficients in `ring`, by increasing power of τ.
+    pub(crate) fn cubic(&self, ring: usize) -> [f64; 4] {
+        self.cubics[ring]
+    }
+
     /// The mean over points of `ring` with these moments.
     pub(crate) fn mean(&self, ring: usize, moments: &Moments) -> f64 {
         self.cubics[ring]

@@ -35,6 +35,7 @@ mod rings;
 pub mod scale;
 pub mod slice;
 mod survey;
+mod sweep;
 pub mod view;
 
 pub use center::find_center;

@@ -71,43 +71,45 @@ impl Rings {
         (0.5 * (a + b), 0.5 * (b - a))
     }
 
-    /// Calls `visit` with every run of pixels whose centres lie in one ring about `center`
-    /// (px; the middle of the first pixel is at 0, 0), row by row.
-    pub(crate) fn for_each_run(
+    /// Calls `visit` with every run of pixels of row `y`, of `width`, whose centres lie in one of
+    /// the first `rings` rings about `center` (px; the middle of the first pixel is at 0, 0).
+    #[inline(always)]
+    pub(crate) fn for_each_run_of_row(
         &self,
-        (width, height): (usize, usize),
+        width: usize,
         center: [f64; 2],
+        y: usize,
+        rings: usize,
         mut visit: impl FnMut(&Run),
     ) {
+        let edges = &self.edges[..=rings];
         // First column whose centre is not left of x.
         let column = |x: f64| x.ceil().clamp(0.0, width as f64) as usize;
-        for y in 0..height {
-            let dy = y as f64 - center[1];
-            let first = self.edges.partition_point(|e| *e <= dy.abs());
-            let mut emit = |ring: usize, columns: Range<usize>| {
-                if columns.start < columns.end {
-                    visit(&Run {
-                        ring,
-                        pixels: y * width + columns.start..y * width + columns.end,
-                        dx: columns.start as f64 - center[0],
-                        dy,
-                    });
-                }
-            };
-            // From the centre line outwards, edge by edge.
-            let mut inside: Option<Range<usize>> = None;
-            for (edge, radius) in self.edges.iter().enumerate().skip(first) {
-                let half = ((radius - dy) * (radius + dy)).sqrt();
-                let columns = column(center[0] - half)..column(center[0] + half);
-                match &inside {
-                    None => emit(edge - 1, columns.clone()),
-                    Some(inner) => {
-                        emit(edge - 1, columns.start..inner.start);
-                        emit(edge - 1, inner.end..columns.end);
-                    }
-                }
-                inside = Some(columns);
+        let dy = y as f64 - center[1];
+        let first = edges.partition_point(|e| *e <= dy.abs());
+        let mut emit = |ring: usize, columns: Range<usize>| {
+            if columns.start < columns.end {
+                visit(&Run {
+                    ring,
+                    pixels: y * width + columns.start..y * width + columns.end,
+                    dx: columns.start as f64 - center[0],
+                    dy,
+                });
             }
+        };
+        // From the centre line outwards, edge by edge.
+        let mut inside: Option<Range<usize>> = None;
+        for (edge, radius) in edges.iter().enumerate().skip(first) {
+            let half = ((radius - dy) * (radius + dy)).sqrt();
+            let columns = column(center[0] - half)..column(center[0] + half);
+            match &inside {
+                None => emit(edge - 1, columns.clone()),
+                Some(inner) => {
+                    emit(edge - 1, columns.start..inner.start);
+                    emit(edge - 1, inner.end..columns.end);
+                }
+            }
+            inside = Some(columns);
         }
     }
 }
@@ -142,14 +144,17 @@ mod tests {
         let rings = Rings::new(20.3, 0.1, 1.5);
         for center in [[30.5, 23.5], [31.0, 23.0], [29.137, 22.81]] {
             let mut found = vec![None; size.0 * size.1];
-            rings.for_each_run(size, center, |run| {
+            let mut visit = |run: &Run| {
                 for (k, i) in run.pixels.clone().enumerate() {
                     assert_eq!(found[i].replace(run.ring), None);
                     let (x, y) = ((i % size.0) as f64, (i / size.0) as f64);
                     assert!((run.dx + k as f64 - (x - center[0])).abs() < 1e-12);
                     assert!((run.dy - (y - center[1])).abs() < 1e-12);
                 }
-            });
+            };
+            for y in 0..size.1 {
+                rings.for_each_run_of_row(size.0, center, y, rings.len(), &mut visit);
+            }
             for (i, found) in found.iter().enumerate() {
                 let (x, y) = ((i % size.0) as f64, (i / size.0) as f64);
                 let r = (x - center[0]).hypot(y - center[1]);

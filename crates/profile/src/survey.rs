@@ -1,16 +1,17 @@
 //! One pass after another over a picture's pixels, until its rings are known.
 
-use crate::center::{NEEDED_PX, SPARSE, check_size, find_center, measured_share};
+use crate::center::{NEEDED_PX, SPARSE, check_size, find_checked};
 use crate::curve::{AREA, Curve, Moments};
 use crate::error::ProfileError;
 use crate::radial::{Measured, ProfileOptions, check_options};
 use crate::rings::{Rings, Run};
+use crate::sweep::Sweep;
 use crate::view::{Places, View};
 use physics::profile::mean_radius;
 use physics::{ChannelMap, ProfilePoint, RadialProfile, TotalReflectance};
 
 /// Parts into which the pixels of a ring are sorted for a first mean that outliers cannot move.
-const GROUPS: usize = 8;
+const GROUPS: usize = crate::sweep::LANES;
 
 /// Residuals beyond this many standard uncertainties count as so many in the ring's scatter.
 const FAR: f64 = 20.0;
@@ -119,10 +120,10 @@ impl Survey {
         options: &ProfileOptions,
     ) -> Result<Self, ProfileError> {
         check_options(options)?;
-        check_size(channel, width, height)?;
+        let share = check_size(channel, width, height)?;
         let center = match options.center_px {
             Some(center) => center,
-            None => find_center(channel, width, height)?,
+            None => find_checked(channel, width, height, share)?,
         };
         let [x, y] = center;
         let unit_mm = options.view.mm_per_pixel(center);
@@ -147,7 +148,6 @@ impl Survey {
             });
         }
         // Scattered photosites want wider rings, so that every ring has as many of them.
-        let share = measured_share(channel);
         let spacing = if share < SPARSE {
             share.sqrt().recip()
         } else {
@@ -162,27 +162,40 @@ impl Survey {
             rings: &rings,
             places: places.as_ref(),
         };
-        let first = picture.first_means(unit_mm)?;
         let count = rings.len();
-        let floor = floor_of(&first.u, &first.means);
-        let curve = Curve::through(&rings, &first.means, &first.moments, floor);
+        // Where rings have many pixels, a part of them tells enough of the first mean and of the
+        // scatter; should the rest be all that was measured, all have to.
+        let mut thinned = true;
+        let mut first = picture.pass(None, Bounds::None, thinned);
+        if first.sums.iter().any(|s| s.count == 0) {
+            thinned = false;
+            first = picture.pass(None, Bounds::None, thinned);
+        }
+        if let Some(ring) = first.sums.iter().position(|s| s.count == 0) {
+            return Err(unmeasured_ring(&rings, ring, unit_mm));
+        }
+        let first_means = first.medians();
+        let u: Vec<f64> = first.sums.iter().map(Sums::u).collect();
+        let moments: Vec<Moments> = first.sums.iter().map(Sums::moments).collect();
+        let floor = floor_of(&u, &first_means);
+        let curve = Curve::through(&rings, &first_means, &moments, floor);
 
         // How much the pixels scatter about their curve; the far ones are cut off, not left out.
-        let slack = slacks(&rings, &first.means);
-        let mut scatter = vec![0.0; count];
-        let mut wide = vec![Sums::default(); count];
-        picture.for_each_pixel(|p| {
-            let residual = (p.value - curve.at(p.ring, p.tau)).abs();
-            let u = p.variance.sqrt().max(f64::MIN_POSITIVE);
-            scatter[p.ring] += (residual / u).min(FAR);
-            if residual <= FAR * u + slack[p.ring] {
-                wide[p.ring].add(&p);
-            }
-        });
-        for (ring, scatter) in scatter.iter_mut().enumerate() {
-            *scatter /= MEAN_ABSOLUTE * first.counts[ring] as f64;
-        }
-        let (means, moments) = picture.fill(&wide, &first);
+        let slack = slacks(&rings, &first_means);
+        let wide = picture.pass(Some(&curve), Bounds::Wide(&slack), thinned);
+        let mut scatter: Vec<f64> = wide
+            .scatter
+            .iter()
+            .zip(&wide.measured)
+            .map(|(scatter, measured)| scatter / (MEAN_ABSOLUTE * *measured as f64))
+            .collect();
+        // A ring that lost all its pixels keeps its first mean.
+        let (means, moments): (Vec<f64>, Vec<Moments>) = (0..count)
+            .map(|ring| match &wide.sums[ring] {
+                sums if sums.count == 0 => (first_means[ring], moments[ring]),
+                sums => (sums.mean(), sums.moments()),
+            })
+            .unzip();
         let curve = Curve::through(&rings, &means, &moments, floor);
 
         // A glow that is not round scatters more than its noise: that is no reason to reject.
@@ -194,15 +207,8 @@ impl Survey {
                 slack,
             })
             .collect();
-        let mut sums = vec![Sums::default(); count];
-        let mut rejected = 0;
-        picture.for_each_pixel(|p| {
-            if limits[p.ring].allows(p.value - curve.at(p.ring, p.tau), p.variance) {
-                sums[p.ring].add(&p);
-            } else {
-                rejected += 1;
-            }
-        });
+        let last = picture.pass(Some(&curve), Bounds::Limits(&limits), false);
+        let sums = &last.sums;
         if let Some(ring) = sums.iter().position(|s| s.count == 0) {
             return Err(unmeasured_ring(&rings, ring, unit_mm));
         }
@@ -221,7 +227,7 @@ impl Survey {
                 .map(|ring| rings.area(ring) * means[ring].max(0.0) * share(ring))
                 .sum()
         };
-        let unseen = |ring: usize| (1.0 - sums[ring].area / first.inside[ring]).max(0.0);
+        let unseen = |ring: usize| (1.0 - sums[ring].area / last.inside[ring]).max(0.0);
         let unseen_share = light(&unseen) / light(&|_| 1.0).max(f64::MIN_POSITIVE);
         Ok(Self {
             center,
@@ -235,8 +241,8 @@ impl Survey {
             curve,
             limits,
             means,
-            rejected,
-            unmeasured: first.unmeasured,
+            rejected: last.measured.iter().sum::<u64>() - sums.iter().map(|s| s.count).sum::<u64>(),
+            unmeasured: last.unmeasured,
         })
     }
 
@@ -325,16 +331,59 @@ impl Survey {
     }
 }
 
-/// First means of all rings, from all measured pixels.
-struct First {
-    means: Vec<f64>,
-    u: Vec<f64>,
-    moments: Vec<Moments>,
-    counts: Vec<u64>,
-    /// Area of all pixels in each ring, measured or not.
+/// Which pixels count in a pass.
+#[derive(Clone, Copy)]
+enum Bounds<'a> {
+    /// All that were measured.
+    None,
+    /// Those within [`FAR`] standard uncertainties and a slack; how much all of them scatter is
+    /// found as well.
+    Wide(&'a [f64]),
+    /// Those within the limit of their ring.
+    Limits(&'a [Limit]),
+}
+
+/// What a pass over the pixels found in each ring.
+struct Pass {
+    sums: Vec<Sums>,
+    /// Area and value of groups of the pixels that counted.
+    groups: Vec<[(f64, f64); GROUPS]>,
+    /// Σ|residual|/u of the measured pixels, cut off at [`FAR`].
+    scatter: Vec<f64>,
+    measured: Vec<u64>,
+    /// Area of all pixels, measured or not.
     inside: Vec<f64>,
-    /// Pixels that were not measured.
+    /// Pixels that were not measured, in all rings.
     unmeasured: u64,
+}
+
+impl Pass {
+    fn empty(rings: usize) -> Self {
+        Self {
+            sums: vec![Sums::default(); rings],
+            groups: vec![[(0.0, 0.0); GROUPS]; rings],
+            scatter: vec![0.0; rings],
+            measured: vec![0; rings],
+            inside: vec![0.0; rings],
+            unmeasured: 0,
+        }
+    }
+
+    /// The median over the groups of each ring of their mean: up to three groups may hold
+    /// outliers of any size.
+    fn medians(&self) -> Vec<f64> {
+        let median = |groups: &[(f64, f64); GROUPS]| {
+            let mut means: Vec<f64> = groups
+                .iter()
+                .filter(|(area, _)| *area > 0.0)
+                .map(|(area, sum)| sum / area)
+                .collect();
+            means.sort_by(f64::total_cmp);
+            let n = means.len();
+            0.5 * (means[n / 2] + means[(n - 1) / 2])
+        };
+        self.groups.iter().map(median).collect()
+    }
 }
 
 struct Picture<'a> {
@@ -367,11 +416,13 @@ impl Picture<'_> {
     /// Calls `visit` with every pixel in the first `rings` rings, measured or not.
     fn for_each_inside(&self, rings: usize, mut visit: impl FnMut(Pixel)) {
         let Some(places) = self.places else {
-            self.rings.for_each_run(self.size, self.center, |run| {
-                if run.ring < rings {
-                    self.pixels_of(run, &mut visit);
-                }
-            });
+            let (width, height) = self.size;
+            for y in 0..height {
+                self.rings
+                    .for_each_run_of_row(width, self.center, y, rings, |run| {
+                        self.pixels_of(run, &mut visit);
+                    });
+            }
             return;
         };
         let squares: Vec<(f64, f64)> = (0..rings).map(|ring| self.rings.square(ring)).collect();
@@ -415,69 +466,100 @@ impl Picture<'_> {
         });
     }
 
-    /// The median over groups of pixels of their mean, ring by ring: up to three groups may
-    /// hold outliers of any size. A unit of length is `unit_mm`.
-    fn first_means(&self, unit_mm: f64) -> Result<First, ProfileError> {
+    /// Adds up the pixels of each ring that are within `bounds` about `curve`; where there are
+    /// many, `thinned` allows for a part of them.
+    fn pass(&self, curve: Option<&Curve>, bounds: Bounds<'_>, thinned: bool) -> Pass {
+        if self.places.is_some() {
+            return self.pass_by_pixel(curve, bounds);
+        }
+        self.pass_in_lanes(curve, bounds, thinned)
+    }
+
+    /// The definition.
+    fn pass_by_pixel(&self, curve: Option<&Curve>, bounds: Bounds<'_>) -> Pass {
         let count = self.rings.len();
-        let mut groups = vec![(0.0, 0.0); count * GROUPS];
-        let mut sums = vec![Sums::default(); count];
-        let mut inside = vec![0.0; count];
-        let mut unmeasured = 0;
+        let mut pass = Pass::empty(count);
         self.for_each_inside(count, |p| {
             // A photosite of another colour is no loss.
             if p.value.is_nan() {
                 return;
             }
-            inside[p.ring] += p.area;
+            pass.inside[p.ring] += p.area;
             if !p.variance.is_finite() {
-                unmeasured += 1;
+                pass.unmeasured += 1;
                 return;
             }
-            // A third of the row's number makes neighbours of either direction differ.
-            let group = (p.index + 3 * (p.index / self.size.0)) % GROUPS;
-            let (area, sum) = &mut groups[p.ring * GROUPS + group];
-            *area += p.area;
-            *sum += p.area * p.value;
-            sums[p.ring].add(&p);
+            pass.measured[p.ring] += 1;
+            let residual = p.value - curve.map_or(0.0, |curve| curve.at(p.ring, p.tau));
+            let good = match bounds {
+                Bounds::None => true,
+                Bounds::Limits(limits) => limits[p.ring].allows(residual, p.variance),
+                Bounds::Wide(slack) => {
+                    let u = p.variance.sqrt().max(f64::MIN_POSITIVE);
+                    pass.scatter[p.ring] += (residual.abs() / u).min(FAR);
+                    residual.abs() <= FAR * u + slack[p.ring]
+                }
+            };
+            if good {
+                // A third of the row's number makes neighbours of either direction differ.
+                let group = (p.index + 3 * (p.index / self.size.0)) % GROUPS;
+                let (area, sum) = &mut pass.groups[p.ring][group];
+                *area += p.area;
+                *sum += p.area * p.value;
+                pass.sums[p.ring].add(&p);
+            }
         });
-        if let Some(ring) = sums.iter().position(|s| s.count == 0) {
-            return Err(unmeasured_ring(self.rings, ring, unit_mm));
-        }
-        let means = groups
-            .chunks(GROUPS)
-            .map(|groups| {
-                let mut means: Vec<f64> = groups
-                    .iter()
-                    .filter(|(area, _)| *area > 0.0)
-                    .map(|(area, sum)| sum / area)
-                    .collect();
-                means.sort_by(f64::total_cmp);
-                let n = means.len();
-                0.5 * (means[n / 2] + means[(n - 1) / 2])
-            })
-            .collect();
-        Ok(First {
-            means,
-            u: sums.iter().map(Sums::u).collect(),
-            moments: sums.iter().map(Sums::moments).collect(),
-            counts: sums.iter().map(|s| s.count).collect(),
-            inside,
-            unmeasured,
-        })
+        pass
     }
 
-    /// Means and moments of `sums`, or the first ones where a ring lost all its pixels.
-    fn fill(&self, sums: &[Sums], first: &First) -> (Vec<f64>, Vec<Moments>) {
-        sums.iter()
-            .enumerate()
-            .map(|(ring, s)| {
-                if s.count == 0 {
-                    (first.means[ring], first.moments[ring])
-                } else {
-                    (s.mean(), s.moments())
-                }
-            })
-            .unzip()
+    /// The same for equal squares, eight at a time.
+    fn pass_in_lanes(&self, curve: Option<&Curve>, bounds: Bounds<'_>, thinned: bool) -> Pass {
+        let wide: Vec<Limit>;
+        let (limits, far) = match bounds {
+            Bounds::None => (None, None),
+            Bounds::Limits(limits) => (Some(limits), None),
+            Bounds::Wide(slack) => {
+                let limit = |slack: &f64| Limit {
+                    relative: FAR,
+                    slack: *slack,
+                };
+                wide = slack.iter().map(limit).collect();
+                (Some(wide.as_slice()), Some(FAR))
+            }
+        };
+        let sweep = Sweep {
+            channel: self.channel,
+            size: self.size,
+            center: self.center,
+            rings: self.rings,
+            curve,
+            limits,
+            far,
+            thinned,
+        };
+        let mut pass = Pass::empty(self.rings.len());
+        for (ring, tally) in sweep.tallies().iter().enumerate() {
+            let count = tally.count();
+            let mut sums = Sums {
+                count: count as u64,
+                area: count,
+                value: tally.residual(),
+                variance: tally.variance(),
+                tau: tally.tau(),
+            };
+            if let Some(curve) = curve
+                && count > 0.0
+            {
+                sums.value += count * curve.mean(ring, &sums.moments());
+            }
+            pass.sums[ring] = sums;
+            pass.groups[ring] = tally.groups();
+            pass.scatter[ring] = tally.scatter();
+            pass.measured[ring] = tally.measured() as u64;
+            pass.inside[ring] = tally.inside();
+            pass.unmeasured += (tally.inside() - tally.measured()) as u64;
+        }
+        pass
     }
 
     /// Makes the total of the innermost rings that of their pixels.
@@ -600,3 +682,6 @@ fn unmeasured_ring(rings: &Rings, ring: usize, unit_mm: f64) -> ProfileError {
         outer_mm: outer * unit_mm,
     }
 }
+
+#[cfg(test)]
+mod tests;
