@@ -1,6 +1,7 @@
 //! What was typed.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use pipeline::{Error, Kind};
 use std::path::PathBuf;
 
 /// Recovers the absorption and reduced scattering coefficients of translucent materials from
@@ -120,10 +121,35 @@ pub(crate) struct FitChoice {
     /// What the total reflectance does.
     #[arg(long, value_enum, default_value_t = ConstraintArg::Joint)]
     pub(crate) constraint: ConstraintArg,
+    /// Whether the scale of profile and total is known, from the white reference within its u, or
+    /// free: then the shape alone decides, and no reference matters.
+    #[arg(long, value_enum, default_value_t = ScaleArg::Known)]
+    pub(crate) scale: ScaleArg,
     /// First and last radius, mm; by default from 2/(sigma_a + sigma_s') outward, clear of the
     /// beam.
     #[arg(long, value_name = "MIN:MAX", value_parser = range)]
     pub(crate) range: Option<(f64, f64)>,
+}
+
+impl FitChoice {
+    /// Whether the scale is free, unless the constraint contradicts it.
+    pub(crate) fn free_scale(&self) -> pipeline::Result<bool> {
+        let free = self.scale == ScaleArg::Free;
+        if free && self.constraint == ConstraintArg::Exact {
+            let message = "--constraint exact takes the scale as true, so that --scale free \
+                           contradicts it: fit --constraint joint or none";
+            return Err(Error::new(Kind::Usage, message));
+        }
+        Ok(free)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ScaleArg {
+    /// As the white reference says, within its uncertainty.
+    Known,
+    /// Not known at all.
+    Free,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

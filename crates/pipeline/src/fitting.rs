@@ -31,6 +31,9 @@ pub struct Given {
     pub model: ModelChoice,
     /// What the total does.
     pub constraint: Constraint,
+    /// Whether the scale that profile and total share is taken as unknown, so that the shape alone
+    /// decides and the white reference does not matter.
+    pub free_scale: bool,
     /// First and last radius, mm; `None` lets the fit choose.
     pub range_mm: Option<(f64, f64)>,
     /// Relative index of the sample.
@@ -96,7 +99,11 @@ pub fn fit_channel(
     scale: &[ScaleInput],
     given: &Given,
 ) -> Result<Fit> {
-    let u_scale_relative = u_relative(scale);
+    let u_scale_relative = if given.free_scale {
+        f64::INFINITY
+    } else {
+        u_relative(scale)
+    };
     let case = Case {
         profile: profile.clone(),
         total: total.cloned(),

@@ -26,6 +26,8 @@ pub struct Choices {
     pub model: ModelChoice,
     /// What the total does.
     pub constraint: Constraint,
+    /// Whether the scale is taken as unknown: the white reference then does not matter.
+    pub free_scale: bool,
     /// First and last radius, mm; `None` lets the fit choose.
     pub range_mm: Option<(f64, f64)>,
     /// Whether every other model that applies is fitted as well.
@@ -39,6 +41,7 @@ impl Default for Choices {
         Self {
             model: ModelChoice::default(),
             constraint: Constraint::Joint,
+            free_scale: false,
             range_mm: None,
             compare: false,
             confirm: true,
@@ -460,6 +463,7 @@ fn given(
     Given {
         model,
         constraint: choices.constraint,
+        free_scale: choices.free_scale,
         range_mm: choices.range_mm,
         eta: capture.eta,
         u_eta: capture.u_eta(),

@@ -59,6 +59,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
             known.clone()
         },
         constraint,
+        free_scale: args.fit.free_scale()?,
         range_mm: args.fit.range,
         eta: args.eta,
         u_eta: 0.0,

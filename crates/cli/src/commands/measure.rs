@@ -28,6 +28,7 @@ pub(crate) fn run(
     let choices = Choices {
         model: args.fit.model(),
         constraint: args.fit.constraint.into(),
+        free_scale: args.fit.free_scale()?,
         range_mm: args.fit.range,
         compare: args.fit.compares(),
         confirm: !args.no_confirm,
