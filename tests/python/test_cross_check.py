@@ -468,7 +468,7 @@ def cases(tmp_path_factory):
         totals = {row["channel"]: row for row in read_csv(profile.with_name("totals.csv"))}
         for model in F_DR:
             options = ["--eta", eta, "--constraint", "exact", "--model", model]
-            options += ["--entry-loss", "true", "--json"]
+            options += ["--entry-loss", "true", "--discrepancy", "false", "--json"]
             for fit in json.loads(beamspot("fit", profile, *options))["channels"]:
                 rings = read_rings(profile, fit["channel"], fit["range_mm"])
                 case = Case(material, eta, model, fit, rings, totals[fit["channel"]])
@@ -669,7 +669,7 @@ def test_joint_fit_is_that_of_least_squares(name, sign, model, tmp_path):
         totals[channel] = round(float(plane * scale * error), 4)
         arguments += ["--total", f"{channel}={totals[channel]}{sign}{u_total}"]
     options = ["--eta", eta, "--constraint", "joint", "--u-scale", JOINT_U_SCALE]
-    options += ["--model", model, "--entry-loss", "true", "--json"]
+    options += ["--model", model, "--entry-loss", "true", "--discrepancy", "false", "--json"]
     fits = json.loads(beamspot("fit", profile, *arguments, *options))["channels"]
     assert [fit["channel"] for fit in fits] == list(media)
     for fit in fits:

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// photographs of a beam spot.
 ///
 /// Lengths are mm, coefficients mm^-1. Exit code 0 done, 1 a fault of ours, 2 wrong usage,
-/// 3 the input cannot be used, 130 interrupted.
+/// 3 the input cannot be used, 4 a bad verdict with --strict, 130 interrupted.
 #[derive(Debug, Parser)]
 #[command(name = "beamspot", version, propagate_version = true)]
 pub(crate) struct Cli {
@@ -118,6 +118,10 @@ pub(crate) struct FitChoice {
     /// Mean cosine of the scattering angle, for a model that uses it.
     #[arg(long, value_name = "G", allow_negative_numbers = true)]
     pub(crate) g: Option<f64>,
+    /// Whether the error that a closed form has against transport is part of weights and
+    /// uncertainties: true, unless the manifest says that the form itself made the light.
+    #[arg(long, action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub(crate) discrepancy: Option<bool>,
     /// What the total reflectance does.
     #[arg(long, value_enum, default_value_t = ConstraintArg::Joint)]
     pub(crate) constraint: ConstraintArg,
@@ -125,6 +129,13 @@ pub(crate) struct FitChoice {
     /// free: then the shape alone decides, and no reference matters.
     #[arg(long, value_enum, default_value_t = ScaleArg::Known)]
     pub(crate) scale: ScaleArg,
+    /// Draw N replicas of every channel from what was found and what is uncertain, fit them, and
+    /// set their spread beside the budget.
+    #[arg(long, default_value_t = 0, value_name = "N", hide_default_value = true)]
+    pub(crate) bootstrap: usize,
+    /// Exit with 4 where the verdict on a channel is bad; everything is written all the same.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// First and last radius, mm; by default from 2/(sigma_a + sigma_s') outward, clear of the
     /// beam.
     #[arg(long, value_name = "MIN:MAX", value_parser = range)]

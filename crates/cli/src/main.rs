@@ -21,6 +21,7 @@ fn main() -> ExitCode {
                 Kind::Fault => 1,
                 Kind::Usage => 2,
                 Kind::Input => 3,
+                Kind::Quality => 4,
                 Kind::Interrupted => 130,
             })
         }

@@ -134,6 +134,8 @@ fn the_stages_one_by_one_give_what_measure_gives() {
         "1",
         "--mm-per-pixel",
         "0.3",
+        "--discrepancy",
+        "false",
         "--json",
     ];
     let stages = json(&stdout(path, &fit));

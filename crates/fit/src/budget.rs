@@ -1,5 +1,6 @@
 //! The uncertainty budget: what each input adds to the uncertainty of σₐ and σₛ′.
 
+use crate::conclude::SCALE;
 use crate::result::{Estimate, Fit};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -75,6 +76,32 @@ pub(crate) fn coverage_factor(degrees_of_freedom: f64) -> f64 {
 }
 
 impl Fit {
+    /// The same fit with the line of the shared scale divided among its causes, of which each has
+    /// a name and its own relative standard uncertainty.
+    #[must_use]
+    pub fn with_causes_of_scale(&self, causes: &[(&str, f64)]) -> Self {
+        let whole = causes.iter().fold(0.0, |u: f64, c| u.hypot(c.1));
+        let mut budget = vec![];
+        for line in &self.budget {
+            if line.source != SCALE || whole == 0.0 {
+                budget.push(line.clone());
+                continue;
+            }
+            for (source, u) in causes.iter().filter(|c| c.1 > 0.0) {
+                budget.push(Contribution {
+                    source: (*source).to_owned(),
+                    u_sigma_a: line.u_sigma_a * u / whole,
+                    u_sigma_s_prime: line.u_sigma_s_prime * u / whole,
+                    ..line.clone()
+                });
+            }
+        }
+        Self {
+            budget,
+            ..self.clone()
+        }
+    }
+
     /// The same fit with the uncertainties of inputs that it took as exact added in quadrature
     /// (JCGM 100, 5.1.2), independent of each other and of what is in the budget already.
     #[must_use]

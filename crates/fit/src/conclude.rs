@@ -1,7 +1,7 @@
 //! From a solution to numbers with their uncertainties.
 
 use crate::budget::Contribution;
-use crate::options::Constraint;
+use crate::options::{Constraint, DirectionKind};
 use crate::problem::{Level, Problem, jacobian};
 use crate::result::{Estimate, Fit, Residual, Termination, TotalFit, Warning};
 use crate::solve::Solution;
@@ -13,8 +13,12 @@ const NORMAL_95_ONE_SIDED: f64 = 1.644_853_626_951_472;
 
 /// Residuals beyond noise at this probability widen the uncertainties.
 const POOR_FIT_PROBABILITY: f64 = 1e-3;
-/// What the fit itself propagates: the data's noise, the total's, and every shared nuisance.
-const OWN: &str = "noise and shared scale";
+/// Lines of the budget that the fit itself propagates: the noise of profile and total,
+pub(crate) const NOISE: &str = "photon, read and dark noise";
+/// the scale that they share,
+pub(crate) const SCALE: &str = "shared scale";
+/// and the model's own discrepancy.
+pub(crate) const MODEL: &str = "model error";
 const LOW_ALBEDO: f64 = 0.5;
 /// Standard uncertainties of the scale beyond which it is named.
 const SCALE_OFF: f64 = 4.0;
@@ -207,6 +211,66 @@ impl Problem<'_> {
             .collect()
     }
 
+    /// What the fit itself propagates, line by line, at the last evaluation.
+    fn budget(&self, solution: &Solution, summary: &Summary) -> Vec<Contribution> {
+        let options = self.data.options;
+        let exact = options.constraint == Constraint::Exact;
+        let (u_a, u_s) = (summary.sigma_a.u, summary.sigma_s_prime.u);
+        let one_way = exact && solution.termination != Termination::AtBound;
+        // In units of the uncertainties themselves, so that nothing is small beside another.
+        let basis = if one_way {
+            let (in_a, in_s) = jacobian(solution.point, self.epsilon);
+            let along = Vector2::new(solution.tau_slope, 1.0);
+            let along = Vector2::new(in_a.dot(&along), in_s.dot(&along));
+            vec![along * (u_s / along.y.abs().max(f64::MIN_POSITIVE))]
+        } else {
+            vec![Vector2::new(u_a, 0.0), Vector2::new(0.0, u_s)]
+        };
+        let precision =
+            (!exact && options.u_scale_relative > 0.0).then(|| options.u_scale_relative.powi(-2));
+        let shares = self.memory.full.shares(&basis, summary.scale, precision);
+        let sum: Matrix2<f64> = shares.iter().sum();
+        // Of σₐ near 0, where u holds the curvature as well, every line takes its part.
+        let whole = |u: f64, sum: f64| if sum > 0.0 { u / sum.sqrt() } else { 0.0 };
+        let (of_a, of_s) = (whole(u_a, sum[(0, 0)]), whole(u_s, sum[(1, 1)]));
+        let of_kind = |kind| {
+            let directions = options.directions.iter();
+            directions.filter(move |d| d.kind == kind).map(|d| d.source)
+        };
+        let relative = of_kind(DirectionKind::Relative);
+        let own = self.memory.full.relative_count - relative.clone().count();
+        let sources = [NOISE, SCALE]
+            .into_iter()
+            .chain(std::iter::repeat_n(MODEL, own))
+            .chain(relative)
+            .chain(of_kind(DirectionKind::Absolute));
+        let mut lines: Vec<(&str, Matrix2<f64>)> = vec![];
+        for (source, share) in sources.zip(shares) {
+            match lines.iter_mut().find(|line| line.0 == source) {
+                Some(line) => line.1 += share,
+                None => lines.push((source, share)),
+            }
+        }
+        lines
+            .into_iter()
+            .map(|(source, share)| {
+                let (a, s) = (share[(0, 0)].max(0.0).sqrt(), share[(1, 1)].max(0.0).sqrt());
+                Contribution {
+                    source: source.to_owned(),
+                    u_sigma_a: of_a * a,
+                    u_sigma_s_prime: of_s * s,
+                    correlation: if a > 0.0 && s > 0.0 {
+                        (share[(0, 1)] / (a * s)).clamp(-1.0, 1.0)
+                    } else {
+                        0.0
+                    },
+                    degrees_of_freedom: summary.sigma_a.degrees_of_freedom,
+                }
+            })
+            .filter(|c| c.u_sigma_a > 0.0 || c.u_sigma_s_prime > 0.0)
+            .collect()
+    }
+
     /// The fit that `solution` stands for; `trusted` is what the choice of the range warned of.
     pub(crate) fn conclude(&mut self, solution: &Solution, trusted: Option<Warning>) -> Fit {
         let summary = self.summary(solution);
@@ -221,13 +285,7 @@ impl Problem<'_> {
             sigma_a: summary.sigma_a,
             sigma_s_prime: summary.sigma_s_prime,
             correlation: summary.correlation,
-            budget: vec![Contribution {
-                source: OWN.to_owned(),
-                u_sigma_a: summary.sigma_a.u,
-                u_sigma_s_prime: summary.sigma_s_prime.u,
-                correlation: summary.correlation,
-                degrees_of_freedom: summary.sigma_a.degrees_of_freedom,
-            }],
+            budget: self.budget(solution, &summary),
             upper_limit: summary.upper_limit,
             total: summary.total,
             scale: summary.scale,

@@ -7,7 +7,7 @@
 //! curvature is the Schur complement of z. It is the same as weighing the data by the inverse of
 //! their full covariance (Woodbury), and the columns keep their dependence on the model.
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{DMatrix, Matrix2, Vector2};
 use physics::simd::{self, LaneLoop, SimdPath};
 
 /// Partial sums that run beside each other. Data are padded to blocks of as many, with weight 0.
@@ -318,6 +318,66 @@ impl Workspace {
         }
     }
 
+    /// What the noise, the scale, and every direction add to the covariance of the coefficients
+    /// (σₐ, σₛ′), which move along the columns of `basis` alone: of the last call of
+    /// [`Self::reduce`], whose scale was `scale` with the prior `precision`.
+    ///
+    /// With A the derivatives of the data in all unknowns, nuisances included, and P the priors,
+    /// the estimate answers an error e of the data by M⁻¹AᵀWe and one of a prior by M⁻¹Pe, with
+    /// M = AᵀWA + P (JCGM 102, 6). All sum to the covariance itself.
+    pub(crate) fn shares(
+        &self,
+        basis: &[Vector2<f64>],
+        scale: f64,
+        precision: Option<f64>,
+    ) -> Vec<Matrix2<f64>> {
+        let data = self.weight.len();
+        let directions = self.relative_count + self.absolute_count;
+        // The derivatives already hold the nuisances where there are any beside the scale.
+        let factor = if directions == 0 { scale } else { 1.0 };
+        let mut unknowns: Vec<Vec<f64>> = basis
+            .iter()
+            .map(|b| {
+                let rows = self.in_sigma_a.iter().zip(&self.in_sigma_s_prime);
+                rows.map(|(a, s)| factor * (b.x * a + b.y * s)).collect()
+            })
+            .collect();
+        let mut priors = vec![0.0; basis.len()];
+        if let Some(precision) = precision {
+            unknowns.push(self.value.clone());
+            priors.push(precision);
+        }
+        for k in 0..directions {
+            unknowns.push(self.column[k * data..(k + 1) * data].to_vec());
+            priors.push(1.0);
+        }
+        let n = unknowns.len();
+        let noise = DMatrix::from_fn(n, n, |i, j| {
+            weighted(&self.weight, &unknowns[i], &unknowns[j])
+        });
+        let prior = DMatrix::from_diagonal(&priors.into());
+        let Some(inverse) = (&noise + &prior).try_inverse() else {
+            return vec![];
+        };
+        let basis = DMatrix::from_fn(2, n, |i, j| basis.get(j).map_or(0.0, |b| b[i]));
+        let answer = basis * inverse;
+        let square = |m: DMatrix<f64>| Matrix2::new(m[(0, 0)], m[(0, 1)], m[(1, 0)], m[(1, 1)]);
+        let of_prior = |k: usize| {
+            let column = answer.column(k) * prior[(k, k)].sqrt();
+            square(&column * column.transpose())
+        };
+        let first = n - directions;
+        let scale = if precision.is_some() {
+            of_prior(first - 1)
+        } else {
+            Matrix2::zeros()
+        };
+        let noise = square(&answer * &noise * answer.transpose());
+        let mut shares = vec![noise, scale];
+        shares.extend((first..n).map(of_prior));
+        shares
+    }
+
     /// What the nuisances add to the model at their best, the rings' and then the total's own
     /// datum: of the last call of [`Self::reduce`] with the same `terms`.
     pub(crate) fn fitted(&self, i: usize, scale: f64) -> f64 {
@@ -460,7 +520,7 @@ fn backward(factor: &[f64], n: usize, x: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{DMatrix, DVector};
+    use nalgebra::DVector;
 
     /// The same by the full covariance of the data, with the derivatives at the best nuisances.
     #[test]

@@ -86,6 +86,21 @@ pub fn fit(
     Ok(found)
 }
 
+/// The radii, mm, at which a closed form can be trusted in the medium `found`: what a fit chooses
+/// when it is not told a range, and finds that medium.
+///
+/// # Errors
+///
+/// The beam covers the profile.
+pub fn trusted_range(
+    profile: &RadialProfile,
+    found: Coefficients,
+    options: &FitOptions,
+) -> Result<(f64, f64), FitError> {
+    let outer_mm = Geometry::new(&profile.points, options)?.outer_mm;
+    Ok(range::trusted(outer_mm, options, found).0)
+}
+
 /// Rounds after which a range, or a discrepancy, that will not settle is taken as it is.
 const ROUNDS: usize = 20;
 /// Relative change of a coefficient below which the model's discrepancy there is settled.

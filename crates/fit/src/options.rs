@@ -1,6 +1,6 @@
 //! What the caller of a fit chooses.
 
-use physics::Blur;
+use physics::{Blur, Coefficients};
 
 /// What the total reflectance does to the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,8 @@ pub enum Constraint {
 /// of all others, that a fit carries along and eliminates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direction {
+    /// What it comes from: a line of the budget, which directions of one name share.
+    pub source: &'static str,
     /// What the numbers are relative to.
     pub kind: DirectionKind,
     /// For one standard deviation, the change of every point of the whole profile, in its order.
@@ -56,6 +58,9 @@ pub struct FitOptions {
     pub directions: Vec<Direction>,
     /// Beam width and pixel that the profile was blurred by.
     pub blur: Blur,
+    /// A medium near the one that is sought, where the caller knows of one: tried beside the
+    /// search's own starts, which a model that is far off may mislead.
+    pub near: Option<Coefficients>,
     /// Where the search gives up and returns its best so far.
     pub max_evaluations: usize,
 }
@@ -69,6 +74,7 @@ impl Default for FitOptions {
             u_scale_relative: 0.0,
             directions: vec![],
             blur: Blur::NONE,
+            near: None,
             max_evaluations: 2000,
         }
     }

@@ -103,6 +103,17 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
             best = Some(solution);
         }
     }
+    let near = problem.data.options.near;
+    if let Some(near) = near.filter(|_| problem.data.options.constraint != Constraint::Exact) {
+        let start = Point {
+            tau: near.sigma_tr().hypot(problem.epsilon) - problem.epsilon,
+            lambda: near.sigma_t_prime().ln(),
+        };
+        let solution = descend(problem, Level::Full, start, &mut budget);
+        if best.is_none_or(|b| solution.chi2 < b.chi2) {
+            best = Some(solution);
+        }
+    }
     let best = best.expect("a scan has at least one smallest value");
     Solution {
         evaluations: budget.used,

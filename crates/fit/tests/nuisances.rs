@@ -131,6 +131,7 @@ fn a_known_way_of_being_wrong_neither_biases_nor_goes_uncovered() {
     let dipole = DipoleModel::new(1.3, DiffuseFresnel::Exact);
     let data = Wavy::rings().len();
     let pedestal = Direction {
+        source: "pedestal",
         kind: DirectionKind::Absolute,
         profile: vec![PEDESTAL_PER_MM2; data],
         total: PEDESTAL_PER_MM2 * std::f64::consts::PI * REACH_MM * REACH_MM,
@@ -221,6 +222,7 @@ fn exact_keeps_the_directions_of_the_profile() {
 #[test]
 fn a_direction_of_another_length_is_refused() {
     let short = Direction {
+        source: "pedestal",
         kind: DirectionKind::Relative,
         profile: vec![0.1; 3],
         total: 0.0,

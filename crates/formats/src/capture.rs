@@ -185,6 +185,9 @@ pub struct Model {
     pub exit: Exit,
     /// Mean cosine of the scattering angle, for the models that use it.
     pub g: Option<f64>,
+    /// Whether the error of a closed form against transport is part of the uncertainty (default);
+    /// false for light that the closed form itself has made.
+    pub discrepancy: bool,
 }
 
 impl Default for Model {
@@ -193,6 +196,7 @@ impl Default for Model {
             entry_loss: true,
             exit: Exit::Fresnel,
             g: None,
+            discrepancy: true,
         }
     }
 }

@@ -9,6 +9,8 @@ pub enum Kind {
     Usage,
     /// The input cannot be used, or an output is in the way.
     Input,
+    /// Measured and written, but the numbers are not to be trusted, and the call was strict.
+    Quality,
     /// The user stopped it.
     Interrupted,
     /// A fault of ours, or of the machine.

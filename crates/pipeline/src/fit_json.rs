@@ -1,8 +1,10 @@
 //! `fit.json`: the fits of a capture, for other programs.
 
+use crate::bootstrap::Bootstrap;
 use crate::capture::Input;
 use crate::comparison::Compared;
 use crate::confirm::Confirmation;
+use crate::verdict::Verdict;
 use fit::{Constraint, Contribution, Estimate, Fit, Termination};
 use serde::Serialize;
 
@@ -92,6 +94,10 @@ pub struct Channel {
     termination: &'static str,
     upper_limit: Option<f64>,
     warnings: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdict: Option<Verdict>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bootstrap: Option<Bootstrap>,
     #[serde(skip_serializing_if = "Option::is_none")]
     monte_carlo: Option<Confirmation>,
 }
@@ -193,6 +199,8 @@ impl From<&Fit> for Channel {
             termination: termination_name(fit.termination),
             upper_limit: fit.upper_limit,
             warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+            verdict: None,
+            bootstrap: None,
             monte_carlo: None,
         }
     }
@@ -233,6 +241,24 @@ impl FitDocument {
     #[must_use]
     pub fn with_models(mut self, compared: &[Compared]) -> Self {
         self.models = compared.iter().map(Model::from).collect();
+        self
+    }
+
+    /// The same document with the verdict on each channel.
+    #[must_use]
+    pub fn with_verdicts(mut self, verdicts: &[Verdict]) -> Self {
+        for (channel, verdict) in self.channels.iter_mut().zip(verdicts) {
+            channel.verdict = Some(verdict.clone());
+        }
+        self
+    }
+
+    /// The same document with what replicas of each channel gave.
+    #[must_use]
+    pub fn with_bootstraps(mut self, bootstraps: &[Bootstrap]) -> Self {
+        for (channel, bootstrap) in self.channels.iter_mut().zip(bootstraps) {
+            channel.bootstrap = Some(*bootstrap);
+        }
         self
     }
 

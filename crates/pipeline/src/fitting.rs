@@ -1,5 +1,6 @@
 //! The fit of every channel, with the uncertainty of what it took as given.
 
+use crate::discrepancy::{Discrepancy, with_grain};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::library::{self, ModelChoice};
 use fit::{Constraint, Contribution, Fit, FitOptions};
@@ -9,6 +10,13 @@ use physics::{
     TotalReflectance, fresnel,
 };
 use profile::Exit;
+use transport::TransportModel;
+
+/// Standard uncertainty over the difference of two answers, were either as likely as any between
+/// or a little past them: 1/√3, as of a rectangle (JCGM 100, 4.3.7).
+const TWO_STORIES: f64 = 0.577;
+/// Mean cosines tried for the medium at which a closed form's discrepancy is taken.
+const G_TRIED: [f64; 5] = [0.0, 0.3, 0.6, 0.8, 0.93];
 
 /// One cause of the uncertainty of the scale that profile and total share.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +37,8 @@ pub fn u_relative(scale: &[ScaleInput]) -> f64 {
 pub struct Given {
     /// The model.
     pub model: ModelChoice,
+    /// Whether the model's error against transport takes part, where it is known.
+    pub discrepancy: bool,
     /// What the total does.
     pub constraint: Constraint,
     /// Whether the scale that profile and total share is taken as unknown, so that the shape alone
@@ -66,7 +76,52 @@ impl Given {
         }
     }
 
-    fn blur(&self) -> Blur {
+    /// The model at the index.
+    pub(crate) fn model(&self) -> Result<Box<dyn ForwardModel>> {
+        library::model(&self.model, self.eta)
+    }
+
+    /// Where the model's discrepancy takes part: a medium near the one that made the data, as
+    /// transport has it under the hard constraint, at the g that suits the data best.
+    fn near(
+        &self,
+        profile: &RadialProfile,
+        total: Option<&TotalReflectance>,
+    ) -> Option<Coefficients> {
+        if !self.discrepancy || !Discrepancy::is_known(&self.model.name) {
+            return None;
+        }
+        let eta = self.eta.clamp(1.0, 1.6);
+        let hard = total.is_some() && self.constraint != Constraint::None && !self.free_scale;
+        let options = FitOptions {
+            constraint: if hard {
+                Constraint::Exact
+            } else {
+                Constraint::None
+            },
+            ..self.options(if self.free_scale { f64::INFINITY } else { 0.0 })
+        };
+        // Where that has no answer, neither has a fit with a closed form: it will say why.
+        let fits = G_TRIED.iter().filter_map(|&g| {
+            let truth = TransportModel::new(eta, g).ok()?;
+            fit::fit(profile, total, &truth, &options).ok()
+        });
+        let best = fits.min_by(|a, b| a.reduced_chi2.total_cmp(&b.reduced_chi2));
+        best.map(|fit| fit.coefficients())
+    }
+
+    /// The same with every input taken as exact that a fit does not carry along: what comes out is
+    /// the same coefficients, without the neighbouring fits.
+    pub(crate) fn exact(&self) -> Self {
+        Self {
+            u_eta: 0.0,
+            u_length_relative: 0.0,
+            u_fwhm_mm: 0.0,
+            ..self.clone()
+        }
+    }
+
+    pub(crate) fn blur(&self) -> Blur {
         Blur {
             beam: self.beam,
             pixel_mm: self.pixel_mm,
@@ -104,10 +159,25 @@ pub fn fit_channel(
     } else {
         u_relative(scale)
     };
+    let near = given.near(profile, total);
+    let (profile, total) = if near.is_some() {
+        with_grain(profile, total)
+    } else {
+        (profile.clone(), total.cloned())
+    };
+    let mut given = given.clone();
+    if let Some(near) = near.filter(|_| given.range_mm.is_none()) {
+        // What the form itself finds may be far off before its error is known.
+        let options = given.options(u_scale_relative);
+        let place = || format!("channel {}", profile.channel);
+        given.range_mm = Some(fit::trusted_range(&profile, near, &options).input(place())?);
+    }
+    let given = &given;
     let case = Case {
-        profile: profile.clone(),
-        total: total.cloned(),
+        profile,
+        total,
         given: given.clone(),
+        near,
     };
     let best = case.fitted(u_scale_relative)?;
     let mut neighbours = Neighbours {
@@ -154,12 +224,24 @@ pub fn fit_channel(
     let model = library::model(&given.model, given.eta)?;
     let found = best.coefficients();
     let own_error = |p: &ProfilePoint| model.relative_error(found, p.radius_mm);
-    if profile.points.iter().any(|p| own_error(p) > 0.0) {
+    let points = &neighbours.case.profile.points;
+    if points.iter().any(|p| own_error(p) > 0.0) {
         // The whole profile off by the model's own standard error, the total not: the worst way.
         neighbours.add("model's own numerics", [-1.0, 1.0], 0.5, |case, sign| {
             case.scale(|p| 1.0 + sign * own_error(p), 1.0);
         })?;
     }
+    if let Some(near) = near {
+        // The discrepancy was taken there: where the form goes elsewhere all the same, it and
+        // transport tell two stories of the same data, and the difference is in doubt.
+        neighbours.lines.push(Contribution::of_change(
+            "model against transport",
+            TWO_STORIES * (found.sigma_a - near.sigma_a),
+            TWO_STORIES * (found.sigma_s_prime - near.sigma_s_prime),
+        ));
+    }
+    let causes: Vec<(&str, f64)> = scale.iter().map(|s| (s.source, s.u_relative)).collect();
+    let best = best.with_causes_of_scale(&causes);
     Ok(best.with_contributions(neighbours.lines))
 }
 
@@ -169,6 +251,8 @@ struct Case {
     profile: RadialProfile,
     total: Option<TotalReflectance>,
     given: Given,
+    /// Where the discrepancy of the model is taken, if it takes part.
+    near: Option<Coefficients>,
 }
 
 impl Case {
@@ -178,9 +262,34 @@ impl Case {
             profile,
             total,
             given,
+            near,
         } = self;
-        let model = library::model(&given.model, given.eta)?;
-        let options = given.options(u_scale_relative);
+        let model = given.model()?;
+        let directions = near
+            .and_then(|near| {
+                let error = Discrepancy::of(&given.model.name, given.eta, near)?;
+                let entry = given.entry_factor(given.eta);
+                let mut values = vec![0.0; profile.points.len()];
+                Footprints::new(&profile.points, &given.blur()).reflectance(
+                    &*model,
+                    near,
+                    &mut values,
+                );
+                for value in &mut values {
+                    *value *= entry;
+                }
+                let total = total.as_ref().map(|t| {
+                    let radius = t.radius_max_mm.unwrap_or(f64::INFINITY);
+                    (radius, entry * model.within(near, radius).value)
+                });
+                Some(error.directions(&profile.points, &values, total))
+            })
+            .unwrap_or_default();
+        let options = FitOptions {
+            directions,
+            near: *near,
+            ..given.options(u_scale_relative)
+        };
         fit::fit(profile, total.as_ref(), &*model, &options)
             .input(format!("channel {}", profile.channel))
     }
@@ -258,14 +367,14 @@ impl Neighbours {
     }
 }
 
-fn exit_factor(exit: Exit, eta: f64) -> f64 {
+pub(crate) fn exit_factor(exit: Exit, eta: f64) -> f64 {
     match exit {
         Exit::Fresnel { angle, .. } => Exit::Fresnel { eta, angle }.factor(),
         Exit::Lambert => 1.0,
     }
 }
 
-fn widened(beam: Beam, change: f64) -> Beam {
+pub(crate) fn widened(beam: Beam, change: f64) -> Beam {
     match beam {
         Beam::Point => Beam::Point,
         Beam::Gaussian { fwhm_mm } => Beam::Gaussian {

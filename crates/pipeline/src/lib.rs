@@ -22,10 +22,12 @@
 //! | [`synthesis`] | synthetic captures as files |
 //! | [`library`] | the tables that ship with beamspot |
 
+pub mod bootstrap;
 pub mod capture;
 pub mod comparison;
 pub mod confirm;
 mod consistency;
+pub mod discrepancy;
 pub mod error;
 mod exposures;
 pub mod files;
@@ -42,6 +44,7 @@ pub mod sensing;
 pub mod simulation;
 pub mod spot;
 pub mod synthesis;
+pub mod verdict;
 
 pub use error::{Error, Kind, Result};
 pub use monitor::{Monitor, Silent};

@@ -129,6 +129,11 @@ impl ModelChoice {
         }
         choice
     }
+
+    /// Whether the model is the transport equation, and not a closed form that approximates it.
+    pub fn solves_transport(&self) -> bool {
+        self.name == "monte-carlo"
+    }
 }
 
 impl Default for ModelChoice {

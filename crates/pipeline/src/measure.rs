@@ -1,5 +1,6 @@
 //! The main job: frames to materials.
 
+use crate::bootstrap::{self, Bootstrap};
 use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
 use crate::comparison::{self, Compared};
 use crate::confirm::{Confirmation, confirm};
@@ -10,6 +11,7 @@ use crate::geometry;
 use crate::library::{ModelChoice, SlabChoice};
 use crate::monitor::Monitor;
 use crate::sensing::{Found, Sensing};
+use crate::verdict::{self, Verdict};
 use fit::{Constraint, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
@@ -24,6 +26,8 @@ use std::collections::BTreeMap;
 pub struct Choices {
     /// The model.
     pub model: ModelChoice,
+    /// Whether a closed form's error against transport takes part; `None`: as the manifest says.
+    pub discrepancy: Option<bool>,
     /// What the total does.
     pub constraint: Constraint,
     /// Whether the scale is taken as unknown: the white reference then does not matter.
@@ -32,6 +36,8 @@ pub struct Choices {
     pub range_mm: Option<(f64, f64)>,
     /// Whether every other model that applies is fitted as well.
     pub compare: bool,
+    /// Replicas of each channel to draw and fit again; 0 for none.
+    pub bootstrap: usize,
     /// Whether the fitted medium is simulated and laid over data and model.
     pub confirm: bool,
 }
@@ -40,10 +46,12 @@ impl Default for Choices {
     fn default() -> Self {
         Self {
             model: ModelChoice::default(),
+            discrepancy: None,
             constraint: Constraint::Joint,
             free_scale: false,
             range_mm: None,
             compare: false,
+            bootstrap: 0,
             confirm: true,
         }
     }
@@ -83,6 +91,10 @@ pub struct Measurement {
     pub given: Given,
     /// The fit of each channel.
     pub fits: Vec<Fit>,
+    /// How far each fit can be trusted.
+    pub verdicts: Vec<Verdict>,
+    /// What replicas of each channel gave; empty where none were asked.
+    pub bootstraps: Vec<Bootstrap>,
     /// What photon counting says of each fit; empty where it was not asked.
     pub confirmations: Vec<Option<Confirmation>>,
     /// The fits of every model that applies; empty where it was not asked.
@@ -334,6 +346,23 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
             fit
         })
         .collect::<Result<Vec<Fit>>>()?;
+    let mut verdicts = vec![];
+    let mut bootstraps = vec![];
+    for ((m, scale), fit) in measured.iter().zip(&radiance.scale_inputs).zip(&fits) {
+        let (profile, total) = (&m.profile, Some(&m.total));
+        verdicts.push(verdict::judge(profile, total, scale, &given, fit)?);
+        if choices.bootstrap > 0 {
+            monitor.check()?;
+            let channel = bootstrap::Channel {
+                profile,
+                total,
+                scale,
+                given: &given,
+            };
+            let medium = fit.coefficients();
+            bootstraps.push(channel.bootstrap(medium, choices.bootstrap, bootstrap::SEED)?);
+        }
+    }
     let mut confirmations = vec![];
     if choices.confirm {
         monitor.begin("confirming", fits.len() as u64);
@@ -367,6 +396,8 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         measured,
         given,
         fits,
+        verdicts,
+        bootstraps,
         confirmations,
         compared,
         materials,
@@ -391,6 +422,18 @@ impl Measurement {
         said.collect()
     }
 
+    /// How far each channel can be trusted, in sentences.
+    pub fn verdict_lines(&self) -> Vec<String> {
+        let pairs = self.fits.iter().zip(&self.verdicts);
+        let said = pairs.flat_map(|(fit, verdict)| {
+            let word = if verdict.good { "good" } else { "bad" };
+            let whole = format!("{}: {word}", fit.channel);
+            let parts = verdict.sentences();
+            std::iter::once(whole).chain(parts.map(|s| format!("{}: {s}", fit.channel)))
+        });
+        said.collect()
+    }
+
     /// The document `fit.json`.
     pub fn document(&self) -> FitDocument {
         let document = FitDocument::new(
@@ -403,6 +446,8 @@ impl Measurement {
             &self.assumptions,
         );
         document
+            .with_verdicts(&self.verdicts)
+            .with_bootstraps(&self.bootstraps)
             .with_confirmations(&self.confirmations)
             .with_models(&self.compared)
     }
@@ -462,6 +507,7 @@ fn given(
     let fwhm_mm = capture.beam.fwhm_mm;
     Given {
         model,
+        discrepancy: choices.discrepancy.unwrap_or(capture.model.discrepancy),
         constraint: choices.constraint,
         free_scale: choices.free_scale,
         range_mm: choices.range_mm,
@@ -486,11 +532,7 @@ fn assumptions(
     model: &ModelChoice,
     estimated: &[String],
 ) -> Vec<String> {
-    let mut lines = vec![(
-        "u holds noise, white reference, eta, length and beam; not the error of the model itself, \
-         which for the dipole is about 6 % of sigma_a and sigma_s' in bright materials and tens of \
-         percent where the reduced albedo is low"
-    ).to_owned()];
+    let mut lines = vec![];
     lines.extend(
         capture
             .assumptions()

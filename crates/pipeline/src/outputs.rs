@@ -120,6 +120,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         warnings: vec![],
         assumptions: measurement.assumptions.clone(),
         comparison,
+        verdict: measurement.verdict_lines(),
         confirmation: measurement.confirmation_lines(),
         merge: measurement.radiance.merge_lines.clone(),
         tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),

@@ -126,7 +126,7 @@ pub fn write(
         })?;
         monitor.step();
     }
-    let manifest = manifest_of(sample, &capture, &shots, model.g);
+    let manifest = manifest_of(sample, &capture, &shots, model);
     outputs.write("capture.toml", |out| {
         Ok(out.write_all(manifest.to_toml().as_bytes())?)
     })?;
@@ -152,7 +152,7 @@ fn manifest_of(
     sample: &Sample,
     capture: &Capture,
     shots: &[Shot],
-    g: Option<f64>,
+    model: &ModelChoice,
 ) -> manifest::Capture {
     let camera = capture.camera();
     let sensor = camera.sensor();
@@ -222,7 +222,9 @@ fn manifest_of(
                 synth::Exit::Fresnel => manifest::Exit::Fresnel,
                 synth::Exit::Lambert => manifest::Exit::Lambert,
             },
-            g,
+            g: model.g,
+            // A closed form is no error of the light that it has made.
+            discrepancy: model.solves_transport(),
         },
         sample: manifest::Sample {
             thickness_mm: None,

@@ -34,6 +34,8 @@ pub struct Report<'a> {
     /// What every model that applies makes of each channel, in the order of `channels`; empty where
     /// it was not asked.
     pub comparison: Vec<Vec<ModelReport<'a>>>,
+    /// How far the numbers can be trusted, one sentence each.
+    pub verdict: Vec<String>,
     /// What photon counting says of the fits, one sentence each.
     pub confirmation: Vec<String>,
     /// What became of the frames: used, saturated, masked; one sentence each.
@@ -80,6 +82,7 @@ pub fn report_html(report: &Report) -> String {
     if report.channels.iter().any(|c| c.truth.is_some()) {
         truths(&mut out, report);
     }
+    list(&mut out, "Verdict", &report.verdict);
     out.push_str("<h2>Profiles, fits and residuals</h2>\n");
     for channel in &report.channels {
         let _ = writeln!(
@@ -89,6 +92,7 @@ pub fn report_html(report: &Report) -> String {
         );
     }
     comparison(&mut out, report);
+    budgets(&mut out, report);
     list(&mut out, "Confirmation", &report.confirmation);
     list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
@@ -413,6 +417,81 @@ fn truths(out: &mut String, report: &Report) {
         ],
         &rows,
     );
+}
+
+/// Where the uncertainty of each channel comes from, the largest part first.
+fn budgets(out: &mut String, report: &Report) {
+    let channels: Vec<&ChannelReport> = report
+        .channels
+        .iter()
+        .filter(|c| !c.fit.budget.is_empty())
+        .collect();
+    if channels.is_empty() {
+        return;
+    }
+    out.push_str("<h2>Uncertainty budget</h2>\n");
+    for c in channels {
+        let fit = c.fit;
+        let share = |u: f64, whole: f64| {
+            let percent = 100.0 * (u / whole).powi(2);
+            if percent.is_finite() { percent } else { 0.0 }
+        };
+        let mut lines: Vec<_> = fit.budget.iter().collect();
+        lines.sort_by(|a, b| b.u_sigma_a.total_cmp(&a.u_sigma_a));
+        let rows: Vec<Vec<String>> = lines
+            .iter()
+            .map(|l| {
+                let (of_s, of_a) = (
+                    share(l.u_sigma_s_prime, fit.sigma_s_prime.u),
+                    share(l.u_sigma_a, fit.sigma_a.u),
+                );
+                vec![
+                    escaped(&l.source),
+                    html(&significant(l.u_sigma_s_prime, 2)),
+                    bar(of_s),
+                    html(&significant(l.u_sigma_a, 2)),
+                    bar(of_a),
+                    fixed(l.correlation, 2).replace('-', "−"),
+                    if l.degrees_of_freedom.is_finite() {
+                        fixed(l.degrees_of_freedom, 0)
+                    } else {
+                        "∞".to_owned()
+                    },
+                ]
+            })
+            .collect();
+        let about = format!(
+            "{}: standard uncertainty of each coefficient that comes from one input, mm⁻¹, its \
+             share of u², the correlation of the two, and degrees of freedom.",
+            c.name()
+        );
+        table(
+            out,
+            &about,
+            &[
+                "input",
+                "u(σₛ′)",
+                "of u²",
+                "u(σₐ)",
+                "of u²",
+                "correlation",
+                "ν",
+            ],
+            &rows,
+        );
+    }
+}
+
+/// A share in percent, as a bar with its number.
+fn bar(percent: f64) -> String {
+    let width = percent.clamp(0.0, 100.0);
+    format!(
+        "<svg width=\"60\" height=\"9\" role=\"img\" aria-label=\"{0} %\" \
+         xmlns=\"http://www.w3.org/2000/svg\"><rect class=\"share\" width=\"{1}\" \
+         height=\"9\"/></svg> {0} %",
+        fixed(percent, 1),
+        fixed(0.6 * width, 1)
+    )
 }
 
 fn list(out: &mut String, heading: &str, items: &[String]) {

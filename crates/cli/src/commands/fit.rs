@@ -14,6 +14,7 @@ use pipeline::fit_json::FitDocument;
 use pipeline::fitting::{self, Given, ScaleInput};
 use pipeline::library::{ModelChoice, SlabChoice};
 use pipeline::{Error, Kind, Result};
+use pipeline::{bootstrap, verdict};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -58,6 +59,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         } else {
             known.clone()
         },
+        discrepancy: args.fit.discrepancy.unwrap_or(true),
         constraint,
         free_scale: args.fit.free_scale()?,
         range_mm: args.fit.range,
@@ -74,22 +76,42 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         u_fwhm_mm: 0.0,
         pixel_mm: args.mm_per_pixel,
     };
+    let total_of = |profile: &RadialProfile| totals.iter().find(|t| t.channel == profile.channel);
+    let scale_of = |total: Option<&TotalReflectance>| {
+        let u_scale = args
+            .u_scale
+            .or(total.map(|t| t.u_scale_relative))
+            .unwrap_or(0.0);
+        [ScaleInput {
+            source: "white reference",
+            u_relative: u_scale,
+        }]
+    };
     let fit_all = |given: &Given| {
         let fit_one = |profile: &RadialProfile| {
-            let total = totals.iter().find(|t| t.channel == profile.channel);
-            let u_scale = args
-                .u_scale
-                .or(total.map(|t| t.u_scale_relative))
-                .unwrap_or(0.0);
-            let scale = [ScaleInput {
-                source: "white reference",
-                u_relative: u_scale,
-            }];
-            fitting::fit_channel(profile, total, &scale, given).map_err(|e| e.within(&place))
+            let total = total_of(profile);
+            fitting::fit_channel(profile, total, &scale_of(total), given)
+                .map_err(|e| e.within(&place))
         };
         profiles.iter().map(fit_one).collect::<Result<Vec<Fit>>>()
     };
     let fits = fit_all(&given)?;
+    let (mut verdicts, mut bootstraps) = (vec![], vec![]);
+    for (profile, fit) in profiles.iter().zip(&fits) {
+        let total = total_of(profile);
+        let scale = scale_of(total);
+        verdicts.push(verdict::judge(profile, total, &scale, &given, fit)?);
+        if args.fit.bootstrap > 0 {
+            let channel = bootstrap::Channel {
+                profile,
+                total,
+                scale: &scale,
+                given: &given,
+            };
+            let medium = fit.coefficients();
+            bootstraps.push(channel.bootstrap(medium, args.fit.bootstrap, bootstrap::SEED)?);
+        }
+    }
     let compared = if args.fit.compares() {
         comparison::compare(&known, &given, fit_all)?
     } else {
@@ -105,7 +127,9 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         &inputs,
         &notes,
     )
-    .with_models(&compared);
+    .with_models(&compared)
+    .with_verdicts(&verdicts)
+    .with_bootstraps(&bootstraps);
     if let Some(path) = &args.output {
         let (folder, name) = split(path)?;
         let paths: Vec<PathBuf> = inputs.iter().map(|i| i.path.clone()).collect();
@@ -116,13 +140,17 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         outputs.commit()?;
     }
     if common.json {
-        return print::json(out, &document);
+        print::json(out, &document)?;
+        return print::strict(args.fit.strict, &print::bad_verdicts(&fits, &verdicts));
     }
     for note in &notes {
         print::line(out, note)?;
     }
     print::fits(out, &fits)?;
-    print::comparison(out, &compared)
+    print::comparison(out, &compared)?;
+    print::verdicts(out, &fits, &verdicts)?;
+    print::bootstraps(out, &fits, &bootstraps)?;
+    print::strict(args.fit.strict, &print::bad_verdicts(&fits, &verdicts))
 }
 
 /// The model with what the command line knows of the sample.

@@ -27,10 +27,12 @@ pub(crate) fn run(
 ) -> Result<()> {
     let choices = Choices {
         model: args.fit.model(),
+        discrepancy: args.fit.discrepancy,
         constraint: args.fit.constraint.into(),
         free_scale: args.fit.free_scale()?,
         range_mm: args.fit.range,
         compare: args.fit.compares(),
+        bootstrap: args.fit.bootstrap,
         confirm: !args.no_confirm,
     };
     let loaded = args
@@ -40,6 +42,7 @@ pub(crate) fn run(
         .collect::<Result<Vec<_>>>()?;
     let folders = folders(args, &loaded);
     let mut documents = vec![];
+    let mut verdicts = vec![];
     let mut tables: Vec<Vec<Material>> = vec![];
     // Refuse what is in the way before a minute of merging, not after.
     let collected = (loaded.len() > 1)
@@ -52,6 +55,10 @@ pub(crate) fn run(
         if !common.json {
             summary(out, &measurement, folder)?;
         }
+        verdicts.extend(print::bad_verdicts(
+            &measurement.fits,
+            &measurement.verdicts,
+        ));
         documents.push(measurement.document());
         tables.push(measurement.materials);
     }
@@ -63,10 +70,10 @@ pub(crate) fn run(
         collected.commit()?;
     }
     if !common.json {
-        return Ok(());
+        return print::strict(args.fit.strict, &verdicts);
     }
     match documents.pop() {
-        Some(only) if documents.is_empty() => print::json(out, &only),
+        Some(only) if documents.is_empty() => print::json(out, &only)?,
         last => {
             documents.extend(last);
             print::json(
@@ -75,9 +82,10 @@ pub(crate) fn run(
                     schema_version: SCHEMA_VERSION,
                     captures: documents,
                 },
-            )
+            )?;
         }
     }
+    print::strict(args.fit.strict, &verdicts)
 }
 
 /// One capture goes into the folder itself, several into one each, called by their material.
@@ -126,6 +134,8 @@ pub(crate) fn summary(
     )?;
     print::fits(out, &measurement.fits)?;
     print::comparison(out, &measurement.compared)?;
+    print::verdicts(out, &measurement.fits, &measurement.verdicts)?;
+    print::bootstraps(out, &measurement.fits, &measurement.bootstraps)?;
     for confirmation in measurement.confirmation_lines() {
         print::line(out, confirmation)?;
     }

@@ -1,8 +1,10 @@
 //! What several commands print.
 
 use fit::{Constraint, Fit, Termination};
+use pipeline::bootstrap::Bootstrap;
 use pipeline::comparison::Compared;
 use pipeline::library::ModelChoice;
+use pipeline::verdict::Verdict;
 use pipeline::{Error, Kind, Result};
 use report::{at_most, significant, text_table, uncertain};
 use serde::Serialize;
@@ -156,4 +158,72 @@ pub(crate) fn fits(out: &mut impl Write, fits: &[Fit]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Where each channel's uncertainty comes from, and how far its numbers can be trusted.
+pub(crate) fn verdicts(out: &mut impl Write, fits: &[Fit], verdicts: &[Verdict]) -> Result<()> {
+    for (fit, verdict) in fits.iter().zip(verdicts) {
+        let share = |u: f64, whole: f64| 100.0 * (u / whole).powi(2);
+        let mut lines: Vec<_> = fit.budget.iter().collect();
+        lines.sort_by(|a, b| b.u_sigma_a.total_cmp(&a.u_sigma_a));
+        let parts: Vec<String> = lines
+            .iter()
+            .filter(|c| share(c.u_sigma_a, fit.sigma_a.u) >= 1.0)
+            .map(|c| format!("{} {:.0} %", c.source, share(c.u_sigma_a, fit.sigma_a.u)))
+            .collect();
+        let (name, parts) = (&fit.channel, parts.join(", "));
+        line(out, format!("{name}: u(sigma_a)^2 comes from: {parts}"))?;
+        let word = if verdict.good { "good" } else { "BAD" };
+        line(out, format!("{name}: verdict {word}"))?;
+        for sentence in verdict.sentences() {
+            line(out, format!("{name}:   {sentence}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// The spread of replicas beside the budget.
+pub(crate) fn bootstraps(
+    out: &mut impl Write,
+    fits: &[Fit],
+    bootstraps: &[Bootstrap],
+) -> Result<()> {
+    for (fit, b) in fits.iter().zip(bootstraps) {
+        line(
+            out,
+            format!(
+                "{}: {} replicas ({} failed) spread by {} and {} mm^-1; the budget says {} and {}",
+                fit.channel,
+                b.replicas,
+                b.failed,
+                significant(b.u_sigma_a_per_mm, 3),
+                significant(b.u_sigma_s_prime_per_mm, 3),
+                significant(fit.sigma_a.u, 3),
+                significant(fit.sigma_s_prime.u, 3)
+            ),
+        )?;
+    }
+    Ok(())
+}
+
+/// The first thing that speaks against each channel, if anything does.
+pub(crate) fn bad_verdicts(fits: &[Fit], verdicts: &[Verdict]) -> Vec<String> {
+    let pairs = fits.iter().zip(verdicts);
+    pairs
+        .filter_map(|(fit, v)| Some(format!("channel {}: {}", fit.channel, v.bad.first()?)))
+        .collect()
+}
+
+/// Fails a strict call for a bad verdict.
+pub(crate) fn strict(strict: bool, bad: &[String]) -> Result<()> {
+    match bad {
+        [first, ..] if strict => Err(Error::new(
+            Kind::Quality,
+            format!(
+                "{first} (bad verdicts: {}; what was measured is written)",
+                bad.len()
+            ),
+        )),
+        _ => Ok(()),
+    }
 }

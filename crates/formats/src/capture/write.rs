@@ -78,6 +78,9 @@ impl Capture {
             };
             text.line("exit", quoted(exit));
             text.optional("g", model.g);
+            if !model.discrepancy {
+                text.line("discrepancy", "false");
+            }
         }
 
         text.section("sample");

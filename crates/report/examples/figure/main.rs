@@ -45,6 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 "u_eta was taken as 0.01.".to_owned(),
             ],
             comparison: vec![],
+            verdict: vec![],
             confirmation: vec![],
             merge: vec!["13 of 13 frames were used, from 0.001 s to 4 s.".to_owned()],
             tool: "beamspot 0.1.0",

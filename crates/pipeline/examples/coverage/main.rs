@@ -1,0 +1,330 @@
+//! Whether intervals hold the truth as often as they say.
+//!
+//! `cargo run --release -p beamspot-pipeline --example coverage -- STUDY [N]`, where STUDY is
+//!
+//! | `right` | N captures in each cell (material × u of the scale), every systematic drawn from its u |
+//! | `wrong` | N captures of transport's light, of media that no discrepancy was trained on |
+//! | `efficiency` | N captures of each of the 36 channels: rms error over the Cramér-Rao bound |
+//! | `bootstrap` | N replicas of each of the 36 channels: their spread beside the budget's u |
+
+#![expect(clippy::print_stdout, reason = "what it finds is for the terminal")]
+
+mod captures;
+
+use captures::{given, noiseless, scale};
+use fit::{Constraint, Estimate, Fit};
+use physics::footprint::Beam;
+use physics::{Coefficients, ForwardModel, fresnel};
+use pipeline::bootstrap::Channel;
+use pipeline::discrepancy::Discrepancy;
+use pipeline::fitting::{Given, fit_channel};
+use pipeline::library::{self, MODELS, ModelChoice};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use transport::TransportModel;
+
+type Outcome = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+
+fn main() -> Outcome {
+    let mut arguments = std::env::args().skip(1);
+    let study = arguments.next().unwrap_or_default();
+    let count = arguments.next().map(|n| n.parse()).transpose()?;
+    match study.as_str() {
+        "right" => right(count.unwrap_or(400)),
+        "wrong" => wrong(count.unwrap_or(400)),
+        "efficiency" => efficiency(count.unwrap_or(400)),
+        "bootstrap" => bootstrap(count.unwrap_or(2000)),
+        _ => Err("name a study: right, wrong, efficiency, bootstrap".into()),
+    }
+}
+
+fn dipole() -> ModelChoice {
+    ModelChoice::default()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn holds(e: &Estimate, truth: f64) -> bool {
+    e.ci95.0 <= truth && truth <= e.ci95.1
+}
+
+/// How a list of fits did against its truths, for one of the coefficients.
+fn line(
+    fits: &[(Fit, Coefficients)],
+    of: impl Fn(&Fit, &Coefficients) -> (Estimate, f64),
+) -> String {
+    let pairs: Vec<(Estimate, f64)> = fits.iter().map(|(f, c)| of(f, c)).collect();
+    let inside = pairs.iter().filter(|(e, t)| holds(e, *t)).count();
+    let of = |f: fn(&Estimate, f64) -> f64| median(pairs.iter().map(|(e, t)| f(e, *t)).collect());
+    format!(
+        "{:5.1} % inside, median |error|/u {:.2}, median u {:.2} %, median error {:+.2} %, median |error| {:.2} %",
+        100.0 * inside as f64 / pairs.len() as f64,
+        of(|e, t| (e.value - t).abs() / e.u),
+        100.0 * of(|e, t| e.u / t),
+        100.0 * of(|e, t| e.value / t - 1.0),
+        100.0 * of(|e, t| (e.value / t - 1.0).abs()),
+    )
+}
+
+fn both(fits: &[(Fit, Coefficients)]) -> [String; 2] {
+    [
+        line(fits, |f, c| (f.sigma_a, c.sigma_a)),
+        line(fits, |f, c| (f.sigma_s_prime, c.sigma_s_prime)),
+    ]
+}
+
+/// From ketchup blue to cream red.
+const MEDIA: [(&str, f64, f64, f64); 4] = [
+    ("ketchup B", 0.97, 0.07, 1.3),
+    ("skin1 R", 0.032, 0.74, 1.3),
+    ("marble G", 0.0041, 2.62, 1.5),
+    ("cream R", 0.0002, 7.38, 1.3),
+];
+
+fn right(count: usize) -> Outcome {
+    let (mut inside, mut of) = ([0; 2], 0);
+    for (name, sigma_a, sigma_s_prime, eta) in MEDIA {
+        let medium = Coefficients {
+            sigma_a,
+            sigma_s_prime,
+        };
+        for u_scale in [0.003, 0.01, 0.03] {
+            let given = Given {
+                u_eta: 0.01,
+                u_length_relative: 0.005,
+                u_fwhm_mm: 0.02,
+                beam: Beam::Gaussian { fwhm_mm: 0.3 },
+                pixel_mm: 0.04,
+                ..given(dipole(), eta)
+            };
+            let model = library::model(&given.model, eta)?;
+            let (profile, total) = noiseless(&*model, fresnel::entry_factor(eta, 1.0), medium);
+            let scale = scale(u_scale);
+            let channel = Channel {
+                profile: &profile,
+                total: Some(&total),
+                scale: &scale,
+                given: &given,
+            };
+            let exact = Given {
+                constraint: Constraint::Exact,
+                ..given.clone()
+            };
+            let fits = (0..count as u64)
+                .into_par_iter()
+                .map(|i| {
+                    let mut rng = Pcg64::seed_from_u64(1_000 * (u_scale * 1e4) as u64 + i);
+                    let (profile, total) = channel.drawn(medium, &mut rng).ok()?;
+                    let joint = fit_channel(&profile, total.as_ref(), &scale, &given).ok()?;
+                    let exact = fit_channel(&profile, total.as_ref(), &scale, &exact).ok();
+                    Some((joint, exact))
+                })
+                .collect::<Vec<_>>();
+            let failed = fits.iter().filter(|f| f.is_none()).count();
+            let (joint, exact): (Vec<_>, Vec<_>) = fits.into_iter().flatten().unzip();
+            let joint: Vec<(Fit, Coefficients)> = joint.into_iter().map(|f| (f, medium)).collect();
+            let exact: Vec<(Fit, Coefficients)> =
+                exact.into_iter().flatten().map(|f| (f, medium)).collect();
+            of += joint.len();
+            inside[0] += joint
+                .iter()
+                .filter(|(f, c)| holds(&f.sigma_a, c.sigma_a))
+                .count();
+            inside[1] += joint
+                .iter()
+                .filter(|(f, c)| holds(&f.sigma_s_prime, c.sigma_s_prime))
+                .count();
+            println!(
+                "{name}, u of the scale {:.1} %, {failed} failed",
+                100.0 * u_scale
+            );
+            for (how, fits) in [("joint", &joint), ("exact", &exact)] {
+                let [a, s] = both(fits);
+                println!("  {how} σa:  {a}\n  {how} σs′: {s}");
+            }
+        }
+    }
+    println!(
+        "pooled, {of} captures: σa {:.2} %, σs′ {:.2} %",
+        100.0 * inside[0] as f64 / of as f64,
+        100.0 * inside[1] as f64 / of as f64
+    );
+    Ok(())
+}
+
+/// Media that the training set does not have: every number drawn between its nodes.
+fn held_out(rng: &mut Pcg64) -> (Coefficients, f64, f64) {
+    let mut uniform = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+    // σₜ′ from 0.3 to 8 mm⁻¹, k from 0.01 (cream) to 1.2 (ketchup green).
+    let sigma_t_prime = 0.3 * (8.0_f64 / 0.3).powf(uniform(0.0, 1.0));
+    let k = 0.01 * 120.0_f64.powf(uniform(0.0, 1.0));
+    let medium = Coefficients::from_sigma_tr(k * sigma_t_prime, sigma_t_prime);
+    (medium, uniform(1.2, 1.6), uniform(0.0, 0.93))
+}
+
+fn wrong(count: usize) -> Outcome {
+    for name in MODELS {
+        let choice = ModelChoice {
+            name: name.to_owned(),
+            ..ModelChoice::default()
+        };
+        if !Discrepancy::is_known(name) {
+            continue;
+        }
+        let found = (0..count as u64)
+            .into_par_iter()
+            .filter_map(|i| {
+                let mut rng = Pcg64::seed_from_u64(77_000 + i);
+                let (medium, eta, g) = held_out(&mut rng);
+                let truth = TransportModel::new(eta, g).ok()?;
+                let (mut profile, mut total) =
+                    noiseless(&truth, fresnel::entry_factor(eta, 1.0), medium);
+                let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+                let u_scale = 0.005;
+                let off = 1.0 + u_scale * normal();
+                total.total_reflectance = 0.0;
+                for p in &mut profile.points {
+                    p.reflectance_per_mm2 =
+                        off * p.reflectance_per_mm2 + p.u_reflectance_per_mm2 * normal();
+                    total.total_reflectance += p.area_mm2() * p.reflectance_per_mm2;
+                }
+                let fitted = |discrepancy, constraint| {
+                    let given = Given {
+                        discrepancy,
+                        constraint,
+                        ..given(choice.clone(), eta)
+                    };
+                    fit_channel(&profile, Some(&total), &scale(u_scale), &given).ok()
+                };
+                let with = fitted(true, Constraint::Joint);
+                Some((
+                    medium,
+                    with,
+                    fitted(false, Constraint::Joint),
+                    fitted(false, Constraint::Exact),
+                ))
+            })
+            .collect::<Vec<_>>();
+        println!("{name}, {} captures", found.len());
+        type Choose = fn(&(Coefficients, Option<Fit>, Option<Fit>, Option<Fit>)) -> &Option<Fit>;
+        let choices: [(&str, Choose); 3] = [
+            ("joint with discrepancy", |f| &f.1),
+            ("joint, noise only", |f| &f.2),
+            ("exact, noise only", |f| &f.3),
+        ];
+        for (how, choose) in choices {
+            let fits: Vec<(Fit, Coefficients)> = found
+                .iter()
+                .filter_map(|f| Some((choose(f).clone()?, f.0)))
+                .collect();
+            let [a, s] = both(&fits);
+            println!(
+                "  {how} ({} failed)\n    σa:  {a}\n    σs′: {s}",
+                found.len() - fits.len()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The 36 channels of Jensen's table.
+fn channels() -> Vec<(String, Coefficients, f64)> {
+    library::materials()
+        .into_iter()
+        .map(|m| {
+            let name = format!("{} {}", m.material, m.channel);
+            (name, m.medium.coefficients(), m.medium.eta)
+        })
+        .collect()
+}
+
+fn efficiency(count: usize) -> Outcome {
+    let mut ratios = vec![];
+    for (name, medium, eta) in channels() {
+        let given = given(dipole(), eta);
+        let model = library::model(&given.model, eta)?;
+        let (profile, total) = noiseless(&*model, fresnel::entry_factor(eta, 1.0), medium);
+        let scale = scale(0.005);
+        // Noise-free data are fitted by the truth: the inverse of Fisher's matrix there.
+        let bound = fit_channel(&profile, Some(&total), &scale, &given)?;
+        let channel = Channel {
+            profile: &profile,
+            total: Some(&total),
+            scale: &scale,
+            given: &given,
+        };
+        let errors: Vec<Coefficients> = (0..count as u64)
+            .into_par_iter()
+            .filter_map(|i| {
+                let (profile, total) = channel.drawn(medium, &mut Pcg64::seed_from_u64(i)).ok()?;
+                let fit = fit_channel(&profile, total.as_ref(), &scale, &given).ok()?;
+                Some(fit.coefficients())
+            })
+            .collect();
+        let rms = |f: fn(&Coefficients) -> f64| {
+            let squares = errors.iter().map(|c| (f(c) - f(&medium)).powi(2));
+            (squares.sum::<f64>() / errors.len() as f64).sqrt()
+        };
+        let a = rms(|c| c.sigma_a) / bound.sigma_a.u;
+        let s = rms(|c| c.sigma_s_prime) / bound.sigma_s_prime.u;
+        println!("{name}: rms error over the bound: σa {a:.3}, σs′ {s:.3}");
+        ratios.push((a, s));
+    }
+    println!(
+        "median: σa {:.3}, σs′ {:.3}",
+        median(ratios.iter().map(|r| r.0).collect()),
+        median(ratios.iter().map(|r| r.1).collect())
+    );
+    Ok(())
+}
+
+fn bootstrap(count: usize) -> Outcome {
+    let mut worst = 0.0_f64;
+    for (name, medium, eta) in channels() {
+        let given = Given {
+            u_eta: 0.01,
+            u_length_relative: 0.005,
+            u_fwhm_mm: 0.02,
+            beam: Beam::Gaussian { fwhm_mm: 0.3 },
+            pixel_mm: 0.04,
+            ..given(dipole(), eta)
+        };
+        let model: Box<dyn ForwardModel> = library::model(&given.model, eta)?;
+        let (profile, total) = noiseless(&*model, fresnel::entry_factor(eta, 1.0), medium);
+        let scale = scale(0.005);
+        let channel = Channel {
+            profile: &profile,
+            total: Some(&total),
+            scale: &scale,
+            given: &given,
+        };
+        // One capture of it; what the budget says of that one, and what replicas of its result do.
+        let (profile, total) = channel.drawn(medium, &mut Pcg64::seed_from_u64(5))?;
+        let fit = fit_channel(&profile, total.as_ref(), &scale, &given)?;
+        let found = channel.bootstrap(fit.coefficients(), count, 1)?;
+        let (a, s) = (
+            fit.sigma_a.u / found.u_sigma_a_per_mm,
+            fit.sigma_s_prime.u / found.u_sigma_s_prime_per_mm,
+        );
+        let far = fit.sigma_a.value > 3.0 * fit.sigma_a.u;
+        println!(
+            "{name}: budget over bootstrap: σa {a:.3}, σs′ {s:.3}; correlation {:.3} and {:.3}{}",
+            fit.correlation,
+            found.correlation,
+            if far { "" } else { "; within 3 u of the bound" }
+        );
+        if far {
+            worst = worst.max((a - 1.0).abs()).max((s - 1.0).abs());
+        }
+    }
+    println!(
+        "worst of those farther than 3 u from a bound: {:.1} %",
+        100.0 * worst
+    );
+    Ok(())
+}

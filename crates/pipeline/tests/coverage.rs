@@ -1,0 +1,90 @@
+//! Intervals hold the truth: a small part of the example `coverage`, which has the full studies.
+
+#[path = "../examples/coverage/captures.rs"]
+mod captures;
+
+use captures::{given, noiseless, scale};
+use physics::{Coefficients, fresnel};
+use pipeline::bootstrap::Channel;
+use pipeline::fitting::{Given, fit_channel};
+use pipeline::library::{self, ModelChoice};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use transport::TransportModel;
+
+/// Light that obeys transport, fitted by the dipole, on media that no discrepancy was trained on.
+#[test]
+fn a_closed_form_owns_up_to_its_error() {
+    let media = [
+        (0.032, 0.74, 1.3, 0.85),
+        (0.0041, 2.62, 1.5, 0.5),
+        (0.0015, 0.7, 1.36, 0.3),
+        (0.17, 1.22, 1.25, 0.6),
+        (0.003, 7.38, 1.33, 0.9),
+    ];
+    let dipole = ModelChoice::default();
+    for (sigma_a, sigma_s_prime, eta, g) in media {
+        let medium = Coefficients {
+            sigma_a,
+            sigma_s_prime,
+        };
+        let truth = TransportModel::new(eta, g).unwrap();
+        let (profile, total) = noiseless(&truth, fresnel::entry_factor(eta, 1.0), medium);
+        let fitted = |discrepancy| {
+            let given = Given {
+                discrepancy,
+                ..given(dipole.clone(), eta)
+            };
+            fit_channel(&profile, Some(&total), &scale(0.005), &given).unwrap()
+        };
+        let (with, without) = (fitted(true), fitted(false));
+        let off = |fit: &fit::Fit| {
+            let of = |e: &fit::Estimate, truth: f64| ((e.value - truth) / e.u).abs();
+            of(&fit.sigma_a, sigma_a).max(of(&fit.sigma_s_prime, sigma_s_prime))
+        };
+        assert!(off(&with) < 2.0, "{medium:?}, g {g}: {with:?}");
+        // Nor is it bought with an interval that says nothing.
+        assert!(with.sigma_s_prime.u < 0.1 * sigma_s_prime, "{with:?}");
+        assert!(off(&without) > off(&with), "{medium:?}, g {g}: {without:?}");
+        assert!(with.budget.iter().any(|c| c.source == "model error"));
+    }
+}
+
+/// The budget's lines sum to u, and replicas spread by it.
+#[test]
+fn replicas_spread_by_what_the_budget_says() {
+    let medium = Coefficients {
+        sigma_a: 0.0041,
+        sigma_s_prime: 2.62,
+    };
+    let given = Given {
+        u_eta: 0.01,
+        u_length_relative: 0.005,
+        ..given(ModelChoice::default(), 1.5)
+    };
+    let model = library::model(&given.model, 1.5).unwrap();
+    let (profile, total) = noiseless(&*model, fresnel::entry_factor(1.5, 1.0), medium);
+    let scale = scale(0.005);
+    let channel = Channel {
+        profile: &profile,
+        total: Some(&total),
+        scale: &scale,
+        given: &given,
+    };
+    let (profile, total) = channel.drawn(medium, &mut Pcg64::seed_from_u64(2)).unwrap();
+    let fit = fit_channel(&profile, total.as_ref(), &scale, &given).unwrap();
+    let sum = |of: fn(&fit::Contribution) -> f64| {
+        fit.budget.iter().map(|c| of(c).powi(2)).sum::<f64>().sqrt()
+    };
+    assert!(
+        (sum(|c| c.u_sigma_a) / fit.sigma_a.u - 1.0).abs() < 1e-6,
+        "{fit:?}"
+    );
+    assert!((sum(|c| c.u_sigma_s_prime) / fit.sigma_s_prime.u - 1.0).abs() < 1e-6);
+    let found = channel.bootstrap(fit.coefficients(), 400, 1).unwrap();
+    // 400 replicas tell a standard deviation to 3.5 %; three of those.
+    let ratio = found.u_sigma_a_per_mm / fit.sigma_a.u;
+    assert!((ratio - 1.0).abs() < 0.105, "{ratio}: {found:?} {fit:?}");
+    let ratio = found.u_sigma_s_prime_per_mm / fit.sigma_s_prime.u;
+    assert!((ratio - 1.0).abs() < 0.105, "{ratio}: {found:?} {fit:?}");
+}
