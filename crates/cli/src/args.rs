@@ -52,6 +52,12 @@ pub(crate) enum Command {
     Fit(FitArgs),
     /// Layered photon Monte Carlo.
     Simulate(SimulateArgs),
+    /// BRDF and BTDF of layers: first order, Monte Carlo by order, adding-doubling.
+    Brdf(BrdfArgs),
+    /// Integrating-sphere reflectance and transmittance to sigma_a, sigma_s and g.
+    Sphere(SphereArgs),
+    /// The papers' figures, computed.
+    Figures(FiguresArgs),
     /// Material tables.
     #[command(subcommand)]
     Table(TableCommand),
@@ -302,6 +308,59 @@ pub(crate) struct SimulateArgs {
     /// same path gives the same bytes on any machine.
     #[arg(long, value_name = "PATH")]
     pub(crate) simd: Option<String>,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot brdf skin -o skin-brdf --angle 10,40,65 --photons 4e6\n\nMEDIUM.toml is that of `beamspot simulate`; its beam and tallies are not used."
+)]
+pub(crate) struct BrdfArgs {
+    /// Layers, or a shipped medium by its name: skin, leaf.
+    #[arg(value_name = "MEDIUM.toml")]
+    pub(crate) medium: PathBuf,
+    /// Folder to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Angles of incidence, degrees.
+    #[arg(
+        long,
+        value_name = "DEG",
+        value_delimiter = ',',
+        default_value = "10,40,65"
+    )]
+    pub(crate) angle: Vec<f64>,
+    /// Photons for each angle, as 1000000 or 1e6.
+    #[arg(long, default_value = "1e6", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(crate) seed: u64,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot sphere samples.csv -o sphere\n\nsamples.csv:\n  sample,thickness_mm,eta,eta_slide,reflectance,u_reflectance,transmittance,u_transmittance,g\n  milk,1.0,1.34,1.5,0.40,0.002,0.30,0.002,0.8\n\nShares are of the incident power, the specular part included. In place of g a column\ncollimated_transmittance serves. Also: wavelength_nm, u_thickness_mm, angle_deg, u_g."
+)]
+pub(crate) struct SphereArgs {
+    /// One row a sample.
+    #[arg(value_name = "SAMPLES.csv")]
+    pub(crate) samples: PathBuf,
+    /// Folder to write sphere.csv and sphere.json to.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot figures hk93 -o figures")]
+pub(crate) struct FiguresArgs {
+    /// jensen2001 (Figure 6) or hk93 (Figures 2, 3, 4, 5, 8 and 9).
+    pub(crate) paper: String,
+    /// Folder to write csv and svg to.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Photons of each simulation, as 1000000 or 1e6.
+    #[arg(long, default_value = "1e6", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
 }
 
 /// A total typed on the command line.

@@ -499,6 +499,9 @@ fn the_readmes_commands_run() {
         .next()
         .unwrap();
     fs::write(folder.path().join("marble.toml"), medium).unwrap();
+    let samples = text.split("```csv\n").nth(1).unwrap();
+    let samples = samples.split("```").next().unwrap();
+    fs::write(folder.path().join("samples.csv"), samples).unwrap();
     let mut ran = 0;
     for block in text.split("```sh\n").skip(1) {
         let block = block.split("```").next().unwrap();

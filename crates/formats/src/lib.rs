@@ -12,6 +12,7 @@
 //! | [`exr`] | `radiance.exr`: value and variance of every channel |
 //! | [`capture`] | `capture.toml`: frames and exposure times, geometry, beam, camera, reference |
 //! | [`sample_toml`] | a medium given by reduced coefficients, for `synth` |
+//! | [`sphere_csv`] | what an integrating sphere measured, for `sphere` |
 //! | [`profile_csv`] | `profile.csv` |
 //! | [`totals_csv`] | `totals.csv` |
 //! | [`materials_csv`], [`materials_json`] | material tables |
@@ -31,6 +32,7 @@ pub mod metadata;
 mod nearest;
 pub mod profile_csv;
 pub mod sample_toml;
+pub mod sphere_csv;
 pub mod toml_text;
 pub mod totals_csv;
 

@@ -13,6 +13,7 @@
 
 use crate::toml_text::{TomlError, parse_toml};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// A layered medium, the light that falls on it and what is counted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +27,9 @@ pub struct MediumFile {
     pub eta_below: f64,
     /// The layers from the lit side down.
     pub layer: Vec<LayerEntry>,
+    /// What layers can be mixed of, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub constituent: BTreeMap<String, ConstituentEntry>,
     /// The beam; a pencil along the normal by default.
     #[serde(default)]
     pub beam: BeamEntry,
@@ -40,17 +44,31 @@ pub struct MediumFile {
 pub struct LayerEntry {
     /// Thickness, mm; semi-infinite where absent.
     pub thickness_mm: Option<f64>,
-    /// Absorption coefficient, mm⁻¹.
-    pub sigma_a_per_mm: f64,
+    /// Absorption coefficient, mm⁻¹. With `sigma_s_per_mm`, or else `mixture`.
+    pub sigma_a_per_mm: Option<f64>,
     /// Scattering coefficient, mm⁻¹.
-    pub sigma_s_per_mm: f64,
+    pub sigma_s_per_mm: Option<f64>,
     /// Mean cosine of a Henyey-Greenstein phase function. Default 0, isotropic.
-    #[serde(default)]
-    pub g: f64,
+    pub g: Option<f64>,
     /// Refractive index.
     pub eta: f64,
     /// Another phase function than Henyey and Greenstein's.
     pub phase: Option<PhaseEntry>,
+    /// Shares of the volume of constituents, by name; what is left of 1 is clear.
+    pub mixture: Option<BTreeMap<String, f64>>,
+}
+
+/// Matter that layers can be mixed of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstituentEntry {
+    /// Absorption coefficient where it fills the volume, mm⁻¹.
+    pub sigma_a_per_mm: f64,
+    /// Scattering coefficient where it fills the volume, mm⁻¹.
+    pub sigma_s_per_mm: f64,
+    /// Mean cosine of a Henyey-Greenstein phase function. Default 0, isotropic.
+    #[serde(default)]
+    pub g: f64,
 }
 
 /// A phase function other than Henyey and Greenstein's.
@@ -165,7 +183,7 @@ mod tests {
         let medium = parse(text).unwrap();
         assert_eq!(
             (medium.eta_above, medium.layer[0].g, medium.tally.r_bins),
-            (1.0, 0.0, 200)
+            (1.0, None, 200)
         );
         assert_eq!(medium.beam.kind, BeamKind::Pencil);
         let wrong = parse(&text.replace("eta", "etta")).unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! Layered media: plane layers under light that falls from above.
 
 use crate::medium::Medium;
-use crate::phase::{InvalidPhase, Phase};
+use crate::phase::{InvalidPhase, Phase, PhaseMixture};
 use thiserror::Error;
 
 /// One plane layer.
@@ -17,6 +17,37 @@ pub struct Layer {
     pub eta: f64,
     /// Thickness, mm; `None` for a last layer without end.
     pub thickness_mm: Option<f64>,
+}
+
+/// One kind of matter in a mixture, as it is where it fills all of the volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constituent {
+    /// Absorption coefficient σₐ, mm⁻¹.
+    pub sigma_a: f64,
+    /// Scattering coefficient σₛ, mm⁻¹.
+    pub sigma_s: f64,
+    /// How it scatters.
+    pub phase: Phase,
+}
+
+/// A mixture cannot be made.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum InvalidMixture {
+    /// A share of the volume is negative, or not finite.
+    #[error("part {part}: its share of the volume must be at least 0, got {fraction}")]
+    Fraction {
+        /// Which part, from 1.
+        part: usize,
+        /// What was given.
+        fraction: f64,
+    },
+    /// The shares are more than the volume.
+    #[error("the shares of the volume add up to {0}: more than 1; what is left of 1 is clear")]
+    TooMuch(f64),
+    /// A phase function is not one.
+    #[error(transparent)]
+    Phase(#[from] InvalidPhase),
 }
 
 /// Layers from the lit side down, between two outsides.
@@ -164,6 +195,49 @@ impl Layer {
         }
     }
 
+    /// A layer of constituents, each with its share of the volume; what is left of 1 is clear.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidMixture`] where the shares are none.
+    ///
+    /// # Source
+    ///
+    /// Hanrahan and Krueger (1993), section 3: σₐ = Σ wᵢ σₐ,ᵢ and σₛ p = Σ wᵢ σₛ,ᵢ pᵢ.
+    pub fn mixed(
+        parts: &[(f64, Constituent)],
+        eta: f64,
+        thickness_mm: Option<f64>,
+    ) -> Result<Self, InvalidMixture> {
+        for (part, &(fraction, _)) in parts.iter().enumerate() {
+            if !(fraction >= 0.0 && fraction.is_finite()) {
+                let part = part + 1;
+                return Err(InvalidMixture::Fraction { part, fraction });
+            }
+        }
+        let whole: f64 = parts.iter().map(|part| part.0).sum();
+        if whole > 1.0 + 1e-9 {
+            return Err(InvalidMixture::TooMuch(whole));
+        }
+        let scattering: Vec<(f64, Phase)> = parts
+            .iter()
+            .map(|(fraction, c)| (fraction * c.sigma_s, c.phase.clone()))
+            .filter(|(sigma_s, _)| *sigma_s > 0.0)
+            .collect();
+        let phase = match scattering.as_slice() {
+            [] => Phase::ISOTROPIC,
+            [(_, only)] => only.clone(),
+            several => Phase::Mixture(PhaseMixture::new(several)?),
+        };
+        Ok(Self {
+            sigma_a: parts.iter().map(|(fraction, c)| fraction * c.sigma_a).sum(),
+            sigma_s: scattering.iter().map(|part| part.0).sum(),
+            phase,
+            eta,
+            thickness_mm,
+        })
+    }
+
     /// Thickness, mm; infinite without one.
     pub fn thickness(&self) -> f64 {
         self.thickness_mm.unwrap_or(f64::INFINITY)
@@ -238,5 +312,47 @@ impl LayeredMedium {
             Some(here)
         });
         tops.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phase::PhaseFunction;
+
+    fn matter(sigma_a: f64, sigma_s: f64, g: f64) -> Constituent {
+        Constituent {
+            sigma_a,
+            sigma_s,
+            phase: Phase::HenyeyGreenstein { g },
+        }
+    }
+
+    #[test]
+    fn a_mixture_is_the_sum_of_its_parts() {
+        let (dermis, blood) = (matter(0.3, 21.7, 0.81), matter(32.6, 0.96, 0.0));
+        let parts = [(0.9, dermis.clone()), (0.05, blood)];
+        let layer = Layer::mixed(&parts, 1.37, None).unwrap();
+        assert!((layer.sigma_a - (0.9 * 0.3 + 0.05 * 32.6)).abs() < 1e-14);
+        assert!((layer.sigma_s - (0.9 * 21.7 + 0.05 * 0.96)).abs() < 1e-14);
+        let g = 0.9 * 21.7 * 0.81 / layer.sigma_s;
+        assert!((layer.phase.g() - g).abs() < 1e-14, "{}", layer.phase.g());
+        let alone = Layer::mixed(&[(1.0, dermis.clone())], 1.37, None).unwrap();
+        assert_eq!((alone.sigma_s, alone.phase), (21.7, dermis.phase));
+    }
+
+    #[test]
+    fn bad_shares_are_named() {
+        let part = |fraction| (fraction, matter(1.0, 1.0, 0.0));
+        let mixed = |parts: &[(f64, Constituent)]| Layer::mixed(parts, 1.3, None);
+        let negative = InvalidMixture::Fraction {
+            part: 2,
+            fraction: -0.1,
+        };
+        assert_eq!(mixed(&[part(0.5), part(-0.1)]), Err(negative));
+        assert_eq!(
+            mixed(&[part(0.75), part(0.5)]),
+            Err(InvalidMixture::TooMuch(1.25))
+        );
     }
 }

@@ -58,7 +58,7 @@ pub use footprint::{Blur, Footprints, Rows};
 pub use frame::{Frame, Samples, Sensor};
 pub use fresnel::{DiffuseFresnel, Exitance};
 pub use kienle_patterson::KienlePattersonModel;
-pub use layered::{Layer, LayeredMedium};
+pub use layered::{Constituent, Layer, LayeredMedium};
 pub use material::Material;
 pub use medium::{Coefficients, InvalidMedium, Medium, ReducedMedium};
 pub use model::{ForwardModel, Gradient, Trust};

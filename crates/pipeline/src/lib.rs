@@ -20,9 +20,14 @@
 //! | [`simulation`] | Monte Carlo simulations as files |
 //! | [`spot`] | centre and width of a beam |
 //! | [`synthesis`] | synthetic captures as files |
+//! | [`medium`] | layered media from their files |
+//! | [`brdf`] | BRDF and BTDF of layers by three witnesses |
+//! | [`sphere`] | what an integrating sphere measured, inverted |
+//! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
 pub mod bootstrap;
+pub mod brdf;
 pub mod capture;
 pub mod comparison;
 pub mod confirm;
@@ -30,6 +35,7 @@ mod consistency;
 pub mod discrepancy;
 pub mod error;
 mod exposures;
+pub mod figures;
 pub mod files;
 pub mod fit_json;
 pub mod fitting;
@@ -37,11 +43,13 @@ pub mod geometry;
 pub mod init;
 pub mod library;
 pub mod measure;
+pub mod medium;
 pub mod monitor;
 pub mod outputs;
 mod reading;
 pub mod sensing;
 pub mod simulation;
+pub mod sphere;
 pub mod spot;
 pub mod synthesis;
 pub mod verdict;

@@ -3,16 +3,15 @@
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, read, read_text};
 use crate::fit_json::SCHEMA_VERSION;
+use crate::medium::layered_medium;
 use crate::monitor::Monitor;
-use formats::medium_toml::{
-    self, BeamEntry, BeamKind, LayerEntry, MediumFile, PhaseEntry, PhaseName, TallyEntry,
-};
+use formats::medium_toml::{self, BeamEntry, BeamKind, MediumFile, TallyEntry};
 use montecarlo::{
-    Binned, Direction, Estimate, Incidence, Layer, LayeredMedium, PHOTONS_PER_BLOCK, Phase, Side,
-    SimdPath, Simulation, TabulatedPhase, Tally, TallySpec, TallyState, Walk, solid_angle,
+    Binned, Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally,
+    TallySpec, TallyState, Walk, solid_angle,
 };
 use physics::footprint::Beam;
-use physics::{RadialProfile, Slab};
+use physics::{LayeredMedium, RadialProfile, Slab};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -289,39 +288,7 @@ fn kept(path: &Path) -> Result<State> {
 
 /// The simulation that a file describes.
 fn simulation(file: &MediumFile, seed: u64, path: SimdPath) -> Result<Simulation> {
-    let layers = file
-        .layer
-        .iter()
-        .map(|layer| {
-            let LayerEntry {
-                thickness_mm,
-                sigma_a_per_mm,
-                sigma_s_per_mm,
-                g,
-                eta,
-                phase,
-            } = layer;
-            Ok(Layer {
-                sigma_a: *sigma_a_per_mm,
-                sigma_s: *sigma_s_per_mm,
-                phase: match phase {
-                    None => Phase::HenyeyGreenstein { g: *g },
-                    Some(PhaseEntry::Named(PhaseName::Rayleigh)) => Phase::Rayleigh,
-                    Some(PhaseEntry::Table(rows)) => {
-                        let rows: Vec<(f64, f64)> = rows.iter().map(|r| (r[0], r[1])).collect();
-                        Phase::Tabulated(TabulatedPhase::new(&rows).input("layer.phase")?)
-                    }
-                },
-                eta: *eta,
-                thickness_mm: *thickness_mm,
-            })
-        })
-        .collect::<Result<Vec<Layer>>>()?;
-    let medium = LayeredMedium {
-        layers,
-        eta_above: file.eta_above,
-        eta_below: file.eta_below,
-    };
+    let medium = layered_medium(file)?;
     let BeamEntry {
         kind,
         fwhm_mm,

@@ -64,6 +64,15 @@ impl Axis {
         }
     }
 
+    /// A linear axis from `low` to `high`.
+    pub(crate) fn linear((low, high): (f64, f64), px: (f64, f64)) -> Self {
+        Self {
+            low,
+            high,
+            ..Self::symmetric(1.0, px)
+        }
+    }
+
     /// Where `value` stands; `None` if it has no place, or one far outside the panel.
     pub(crate) fn place(&self, value: f64) -> Option<f64> {
         let share = match self.kind {
@@ -142,7 +151,9 @@ impl Axis {
             .find(|s| *s >= rough);
         let step = step.unwrap_or(10.0 * decade);
         let places = (-step.log10().floor()).max(0.0) as i32;
-        let count = (self.high / step).floor() as i32;
+        // A tick at an end that rounding has moved is still there.
+        let first = (self.low / step - 1e-9).ceil() as i32;
+        let last = (self.high / step + 1e-9).floor() as i32;
         let tick = |i: i32| {
             let value = f64::from(i) * step;
             let label = fixed(value, places).replace('-', "−");
@@ -151,7 +162,7 @@ impl Axis {
                 label: Some(label),
             })
         };
-        (-count..=count).filter_map(tick).collect()
+        (first..=last).filter_map(tick).collect()
     }
 }
 

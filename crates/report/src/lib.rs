@@ -11,11 +11,13 @@
 //! | `channel` | [`ChannelReport`]: what is shown of one channel, and what follows from its fit |
 //! | `axis` | scales and ticks |
 //! | `markup` | text from outside made safe; symbols raised and lowered |
+//! | `chart` | [`chart_svg`]: lines in panels |
 //! | `figure` | [`figure_svg`]: profile, fit and residuals |
 //! | `page` | [`Report`] and [`report_html`] |
 
 mod axis;
 mod channel;
+mod chart;
 mod figure;
 mod markup;
 mod number;
@@ -23,6 +25,7 @@ mod page;
 mod table;
 
 pub use channel::{ChannelReport, CurvePoint, ModelReport};
+pub use chart::{Chart, Line, Panel, Scale, Stroke, chart_svg};
 pub use figure::figure_svg;
 pub use number::{at_least, at_most, significant, uncertain};
 pub use page::{Input, Report, report_html};
