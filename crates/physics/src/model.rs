@@ -1,5 +1,6 @@
 //! What a fit asks of a model of diffuse reflectance.
 
+use crate::exit::ExitFactor;
 use crate::medium::Coefficients;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -174,4 +175,10 @@ pub trait ForwardModel: Sync {
     /// [`Self::discrepancy`], into `out`, of [`Self::discrepancies`] numbers; the total's for an
     /// infinite `radius`.
     fn discrepancy_within(&self, _coefficients: Coefficients, _radius: f64, _out: &mut [f64]) {}
+
+    /// What a camera sees of it at the cosine `cos_view` with the normal, outside. A model of
+    /// diffusion takes the light inside to be isotropic.
+    fn exit_factor(&self, _coefficients: Coefficients, cos_view: f64) -> ExitFactor {
+        ExitFactor::diffuse(self.eta(), cos_view)
+    }
 }

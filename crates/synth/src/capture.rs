@@ -7,7 +7,7 @@ use crate::picture::{Tilt, View};
 use crate::random::{normal, stream};
 use crate::sensor::{Pixels, Purpose};
 use crate::truth::{ChannelTruth, Truth};
-use physics::{Coefficients, ForwardModel, Frame, ReducedMedium, fresnel};
+use physics::{Coefficients, ExitFactor, ForwardModel, Frame, ReducedMedium, fresnel};
 
 /// A material to be photographed.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,11 +99,10 @@ impl Capture {
         } else {
             1.0
         };
-        let exit_factor = match camera.exit {
-            Exit::Fresnel => {
-                fresnel::exit_factor(draws.eta, camera.camera_angle_deg.to_radians().cos())
-            }
-            Exit::Lambert => 1.0,
+        let cos_view = camera.camera_angle_deg.to_radians().cos();
+        let exit_of = |at: Coefficients| match camera.exit {
+            Exit::Fresnel => sample_model.exit_factor(at, cos_view),
+            Exit::Lambert => ExitFactor::even(1.0),
         };
 
         let count = camera.channels.count();
@@ -112,8 +111,8 @@ impl Capture {
         let mut reference_e_per_s = vec![0.0; samples];
         let mut channels = vec![];
         for (index, name) in camera.channels.names().iter().enumerate() {
-            let picture = |of, model: &dyn ForwardModel, at, factor: f64| {
-                let glow = Glow::new(model, at, camera.beam(), view.reach_mm());
+            let picture = |of, model: &dyn ForwardModel, at, exit: &ExitFactor, factor: f64| {
+                let glow = Glow::new(model, at, exit, camera.beam(), view.reach_mm());
                 let pixels = view.picture(&glow);
                 let brightest = pixels.iter().fold(0.0_f32, |m, v| m.max(*v));
                 let peak_per_mm2 = f64::from(brightest) * factor;
@@ -131,8 +130,16 @@ impl Capture {
             let reflectance = draws.reflectance[index];
             // Whatever the white absorbs or loses on its way is in its certified reflectance.
             let white_factor = reflectance / reference_model.beyond(white, 0.0);
-            let glow = picture("sample", &*sample_model, at, entry_factor * exit_factor)?;
-            let white_glow = picture("reference", &*reference_model, white, white_factor)?;
+            let exit = exit_of(at);
+            let glow = picture("sample", &*sample_model, at, &exit, entry_factor)?;
+            let lambert = ExitFactor::even(1.0);
+            let white_glow = picture(
+                "reference",
+                &*reference_model,
+                white,
+                &lambert,
+                white_factor,
+            )?;
             let signal = camera.peak_e() / camera.shortest_s() / glow.1.max(white_glow.1);
             for (out, (pixels, _, factor)) in [
                 (&mut sample_e_per_s, glow),
@@ -156,6 +163,7 @@ impl Capture {
                 sigma_a_per_mm: at.sigma_a,
                 sigma_s_prime_per_mm: at.sigma_s_prime,
                 total_reflectance: sample_model.beyond(at, 0.0),
+                exit_factor: exit.mean,
                 reference_reflectance_true: reflectance,
                 signal_e_mm2_per_s: signal,
             });
@@ -171,7 +179,6 @@ impl Capture {
             beam_fwhm_mm: camera.beam_fwhm_mm,
             beam_profile: camera.beam_profile,
             entry_factor,
-            exit_factor,
             sample_center_px: view.spot_px,
             reference_center_px: view.spot_px,
             reference_reflectance_stated: camera.reference.reflectance,

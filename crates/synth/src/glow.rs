@@ -1,12 +1,12 @@
-//! R_d convolved with the beam, tabulated against radius.
+//! What a camera sees of R_d, convolved with the beam, tabulated against radius.
 
 use gauss_quad::GaussLegendre;
 use physics::footprint::Beam;
-use physics::{Blur, Coefficients, ForwardModel};
+use physics::{Blur, Coefficients, ExitFactor, ForwardModel};
 use std::f64::consts::{LN_2, PI, SQRT_2};
 use std::num::NonZeroUsize;
 
-/// Exitance about the beam, per power that enters, mm⁻², out to the radius it was made for.
+/// π·radiance about the beam, per power that enters, mm⁻², out to the radius it was made for.
 ///
 /// Knots are evenly spaced in w = ½ ln(1 + r²/s²), which is even and smooth at the centre,
 /// logarithmic far out, and costs one logarithm and no root.
@@ -26,10 +26,12 @@ pub(crate) struct Glow {
 const STEP: f64 = 0.004;
 
 impl Glow {
-    /// The glow of `model` at these coefficients under `beam`, out to `reach_mm`.
+    /// The glow of `model` at these coefficients under `beam`, seen through `exit`, out to
+    /// `reach_mm`.
     pub(crate) fn new(
         model: &dyn ForwardModel,
         at: Coefficients,
+        exit: &ExitFactor,
         beam: Beam,
         reach_mm: f64,
     ) -> Self {
@@ -52,7 +54,7 @@ impl Glow {
         };
         let scale = 0.5 * depth.hypot(spread);
         let knots = (0.5 * (reach_mm / scale).powi(2).ln_1p() / step).ceil() as usize + 4;
-        let convolution = Convolution::new(model, at, beam, depth);
+        let convolution = Convolution::new(model, at, exit, beam, depth);
         let values: Vec<f64> = (0..knots)
             .map(|knot| {
                 let radius = scale * (2.0 * step * knot as f64).exp_m1().sqrt();
@@ -108,6 +110,7 @@ impl Glow {
 struct Convolution<'a> {
     model: &'a dyn ForwardModel,
     at: Coefficients,
+    exit: &'a ExitFactor,
     beam: Beam,
     depth: f64,
     /// Nodes and weights over [0, 1].
@@ -115,7 +118,13 @@ struct Convolution<'a> {
 }
 
 impl<'a> Convolution<'a> {
-    fn new(model: &'a dyn ForwardModel, at: Coefficients, beam: Beam, depth: f64) -> Self {
+    fn new(
+        model: &'a dyn ForwardModel,
+        at: Coefficients,
+        exit: &'a ExitFactor,
+        beam: Beam,
+        depth: f64,
+    ) -> Self {
         let rule = GaussLegendre::new(NonZeroUsize::new(12).expect("12 is not zero"));
         let rule = rule
             .as_node_weight_pairs()
@@ -125,6 +134,7 @@ impl<'a> Convolution<'a> {
         Self {
             model,
             at,
+            exit,
             beam,
             depth,
             rule,
@@ -132,10 +142,24 @@ impl<'a> Convolution<'a> {
     }
 
     fn at(&self, radius: f64) -> f64 {
+        // What is seen at the beam's own point has the shape of the beam; a point has none.
+        let at_beam = self.exit.at_beam;
         match self.beam {
             Beam::Point => self.sum(&[(radius, 1.0)]),
-            Beam::Gaussian { fwhm_mm } => self.gaussian(radius, fwhm_mm / (8.0 * LN_2).sqrt()),
-            Beam::Disk { fwhm_mm } => self.disk(radius, 0.5 * fwhm_mm),
+            Beam::Gaussian { fwhm_mm } => {
+                let sigma = fwhm_mm / (8.0 * LN_2).sqrt();
+                let beam = (-0.5 * (radius / sigma).powi(2)).exp() / (2.0 * PI * sigma * sigma);
+                self.gaussian(radius, sigma) + at_beam * beam
+            }
+            Beam::Disk { fwhm_mm } => {
+                let disk = 0.5 * fwhm_mm;
+                let beam = if radius < disk {
+                    1.0 / (PI * disk * disk)
+                } else {
+                    0.0
+                };
+                self.disk(radius, disk) + at_beam * beam
+            }
         }
     }
 
@@ -143,7 +167,11 @@ impl<'a> Convolution<'a> {
         let radii: Vec<f64> = nodes.iter().map(|(s, _)| *s).collect();
         let mut values = vec![0.0; radii.len()];
         self.model.diffuse_reflectance(self.at, &radii, &mut values);
-        values.iter().zip(nodes).map(|(v, (_, w))| v * w).sum()
+        values
+            .iter()
+            .zip(nodes)
+            .map(|(v, (s, w))| v * w * self.exit.at(*s))
+            .sum()
     }
 
     /// The circle of radius s about a point at `radius` meets the density
@@ -167,17 +195,32 @@ impl<'a> Convolution<'a> {
         self.sum(&nodes)
     }
 
+    /// What is seen within `radius` of a source.
+    fn whole(&self, radius: f64) -> f64 {
+        if self.exit.is_even() {
+            let beyond = |s| self.model.beyond(self.at, s);
+            return (beyond(0.0) - beyond(radius)) * self.exit.at(radius);
+        }
+        let mut nodes = vec![];
+        let mut high = radius;
+        // Toward the source no model grows faster than 1/s.
+        while high > 1e-6 * radius {
+            let low = 0.5 * high;
+            for (x, w) in &self.rule {
+                let s = low + (high - low) * x;
+                nodes.push((s, w * (high - low) * 2.0 * PI * s));
+            }
+            high = low;
+        }
+        self.sum(&nodes)
+    }
+
     /// An arc of the circle of radius s about a point at `radius` lies inside the disk.
     fn disk(&self, radius: f64, disk: f64) -> f64 {
         let area = PI * disk * disk;
         let (mut low, high) = ((radius - disk).abs(), radius + disk);
         // Circles that lie inside as a whole.
-        let whole = if radius < disk {
-            let beyond = |s| self.model.beyond(self.at, s);
-            beyond(0.0) - beyond(low)
-        } else {
-            0.0
-        };
+        let whole = if radius < disk { self.whole(low) } else { 0.0 };
         let mut nodes = vec![];
         let mut panel = |low: f64, width: f64, end: End| {
             for (x, w) in &self.rule {
@@ -268,7 +311,13 @@ pub(crate) mod tests {
 
     pub(crate) fn glow(medium: &ReducedMedium, beam: Beam, reach_mm: f64) -> Glow {
         let model = DipoleModel::new(medium.eta, DiffuseFresnel::Exact);
-        Glow::new(&model, medium.coefficients(), beam, reach_mm)
+        Glow::new(
+            &model,
+            medium.coefficients(),
+            &ExitFactor::even(1.0),
+            beam,
+            reach_mm,
+        )
     }
 
     /// The convolution as a plain sum over a grid in the plane.

@@ -27,8 +27,6 @@ pub struct Truth {
     pub beam_profile: BeamProfile,
     /// Share of the incident power that enters; 1 where entry loss was switched off.
     pub entry_factor: f64,
-    /// π·radiance toward the camera over exitance; 1 for a Lambertian exit.
-    pub exit_factor: f64,
     /// Where the beam meets the sample: column and row, the middle of the first pixel being (0, 0).
     pub sample_center_px: [f64; 2],
     /// Where the beam meets the reference, likewise.
@@ -51,6 +49,8 @@ pub struct ChannelTruth {
     pub sigma_s_prime_per_mm: f64,
     /// The model's total diffuse reflectance over the whole plane, per power that enters.
     pub total_reflectance: f64,
+    /// π·radiance toward the camera over exitance, over the whole plane; 1 for a Lambertian exit.
+    pub exit_factor: f64,
     /// Reflectance that the reference really had.
     pub reference_reflectance_true: f64,
     /// Electrons per second for an exitance, per incident power, of 1 mm⁻²: the K·Φ of the paper.

@@ -23,6 +23,6 @@ mod reference;
 mod solver;
 mod table;
 
-pub use model::{Domain, OutOfTable, TransportModel};
+pub use model::{Domain, OutOfTable, TransportFamily, TransportModel};
 pub use solver::{At, Interior, Solution, Surface};
 pub use table::{BadTable, build};

@@ -2,8 +2,9 @@
 
 use crate::grid::{Blend, spline};
 use crate::reference::{Log, Reference};
+use crate::solver::{Interior, Surface};
 use crate::table::{BadTable, CHANNELS, ETA, G, K, LN_RADIUS, PER_MEDIUM, Table};
-use physics::{Coefficients, DiffuseFresnel, ForwardModel, Gradient};
+use physics::{Coefficients, DiffuseFresnel, ExitFactor, ForwardModel, Gradient};
 use thiserror::Error;
 
 /// The table that ships with beamspot.
@@ -108,57 +109,13 @@ impl TransportModel {
     ///
     /// [`OutOfTable`] where the table does not reach, or is none.
     pub fn from_table(bytes: &[u8], eta: f64, g: f64) -> Result<Self, OutOfTable> {
-        if !(ETA.low..=ETA.high).contains(&eta) {
-            return Err(OutOfTable::Eta {
-                found: eta,
-                low: ETA.low,
-                high: ETA.high,
-            });
-        }
-        if !(G.low..=G.high).contains(&g) {
-            return Err(OutOfTable::G {
-                found: g,
-                low: G.low,
-                high: G.high,
-            });
-        }
-        let values = Table::from_bytes(bytes)?.reduced(eta, g);
-        let mut knots: Vec<[f64; 4]> = values.iter().map(|&y| [y, 0.0, 0.0, 0.0]).collect();
-        let mut bends = vec![0.0; COUNT];
-        for row in 0..K.count {
-            for channel in 0..CHANNELS {
-                let start = row * PER_MEDIUM + channel * COUNT;
-                spline(&values[start..start + COUNT], &mut bends);
-                for (knot, &bend) in knots[start..].iter_mut().zip(&bends) {
-                    knot[1] = bend;
-                }
-            }
-        }
-        let mut bends = vec![0.0; K.count];
-        for column in 0..PER_MEDIUM {
-            for part in 0..2 {
-                let along: Vec<f64> = knots
-                    .iter()
-                    .skip(column)
-                    .step_by(PER_MEDIUM)
-                    .map(|knot| knot[part])
-                    .collect();
-                spline(&along, &mut bends);
-                for (knot, &bend) in knots
-                    .iter_mut()
-                    .skip(column)
-                    .step_by(PER_MEDIUM)
-                    .zip(&bends)
-                {
-                    knot[2 + part] = bend;
-                }
-            }
-        }
+        check_eta(eta)?;
+        check_g(g)?;
         Ok(Self {
             eta,
             g,
             a: DiffuseFresnel::Exact.a(eta),
-            knots,
+            knots: knots(&Table::from_bytes(bytes)?.reduced(eta, g)),
         })
     }
 
@@ -203,6 +160,128 @@ impl TransportModel {
         point.reference = Reference::new(k * point.rate_by_k, self.a);
         point
     }
+}
+
+/// The models of one relative index at every mean cosine g, for a fit that lets g vary.
+///
+/// ```
+/// use transport::{TransportFamily, TransportModel};
+///
+/// let family = TransportFamily::new(1.4)?;
+/// assert_eq!(family.at(0.8)?.g(), TransportModel::new(1.4, 0.8)?.g());
+/// # Ok::<(), transport::OutOfTable>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct TransportFamily {
+    eta: f64,
+    a: f64,
+    /// What a model has of knots, at each node of g: splines are linear in their values.
+    nodes: Vec<Vec<[f64; 4]>>,
+}
+
+impl TransportFamily {
+    /// The table at relative index `eta`.
+    ///
+    /// # Errors
+    ///
+    /// [`OutOfTable`] where the table does not reach.
+    pub fn new(eta: f64) -> Result<Self, OutOfTable> {
+        check_eta(eta)?;
+        let table = Table::from_bytes(TABLE)?;
+        Ok(Self {
+            eta,
+            a: DiffuseFresnel::Exact.a(eta),
+            nodes: (0..G.count)
+                .map(|node| knots(&table.at_node(eta, node)))
+                .collect(),
+        })
+    }
+
+    /// The smallest and the largest g.
+    pub fn range(&self) -> (f64, f64) {
+        (G.low, G.high)
+    }
+
+    /// The model at `g`, smooth in it; a tenth of a millisecond or so.
+    ///
+    /// # Errors
+    ///
+    /// [`OutOfTable`] where the table does not reach.
+    pub fn at(&self, g: f64) -> Result<TransportModel, OutOfTable> {
+        check_g(g)?;
+        let mut knots = vec![[0.0; 4]; K.count * PER_MEDIUM];
+        for (node, weight) in self.nodes.iter().zip(G.weights(g)) {
+            for (knot, of_node) in knots.iter_mut().zip(node) {
+                for (x, y) in knot.iter_mut().zip(of_node) {
+                    *x += weight * y;
+                }
+            }
+        }
+        Ok(TransportModel {
+            eta: self.eta,
+            g,
+            a: self.a,
+            knots,
+        })
+    }
+}
+
+fn check_eta(eta: f64) -> Result<(), OutOfTable> {
+    if (ETA.low..=ETA.high).contains(&eta) {
+        return Ok(());
+    }
+    Err(OutOfTable::Eta {
+        found: eta,
+        low: ETA.low,
+        high: ETA.high,
+    })
+}
+
+fn check_g(g: f64) -> Result<(), OutOfTable> {
+    if (G.low..=G.high).contains(&g) {
+        return Ok(());
+    }
+    Err(OutOfTable::G {
+        found: g,
+        low: G.low,
+        high: G.high,
+    })
+}
+
+/// The corrections `values` of every column at every knot of k, with their bends.
+fn knots(values: &[f64]) -> Vec<[f64; 4]> {
+    let mut knots: Vec<[f64; 4]> = values.iter().map(|&y| [y, 0.0, 0.0, 0.0]).collect();
+    let mut bends = vec![0.0; COUNT];
+    for row in 0..K.count {
+        for channel in 0..CHANNELS {
+            let start = row * PER_MEDIUM + channel * COUNT;
+            spline(&values[start..start + COUNT], &mut bends);
+            for (knot, &bend) in knots[start..].iter_mut().zip(&bends) {
+                knot[1] = bend;
+            }
+        }
+    }
+    let mut bends = vec![0.0; K.count];
+    for column in 0..PER_MEDIUM {
+        for part in 0..2 {
+            let along: Vec<f64> = knots
+                .iter()
+                .skip(column)
+                .step_by(PER_MEDIUM)
+                .map(|knot| knot[part])
+                .collect();
+            spline(&along, &mut bends);
+            for (knot, &bend) in knots
+                .iter_mut()
+                .skip(column)
+                .step_by(PER_MEDIUM)
+                .zip(&bends)
+            {
+                knot[2 + part] = bend;
+            }
+        }
+    }
+    knots
 }
 
 /// One medium: what all radii share.
@@ -321,6 +400,35 @@ impl ForwardModel for TransportModel {
         5e-4 + 4e-3 * dark * dark
             + near * (1.5e-3 + 0.03 * forward * (1.0 + 3.0 * dark))
             + far * 0.08 * dark.powi(8)
+    }
+
+    /// Solves the equation for this medium, which takes a second.
+    ///
+    /// Where g is above 0.8, what harmonics lack within a mean free path of the beam they lack in
+    /// radiance and exitance alike, and part of it in their ratio.
+    fn exit_factor(&self, coefficients: Coefficients, cos_view: f64) -> ExitFactor {
+        let t = coefficients.sigma_t_prime();
+        let least = K.first * K.first / 3.0;
+        let interior = Interior::new((coefficients.sigma_a / t).clamp(least, 0.999), self.g);
+        let exitance = Surface::new(self.eta).solve(&interior);
+        let radiance = Surface::toward(self.eta, cos_view).solve(&interior);
+        let radii: Vec<f64> = (0..COUNT)
+            .map(|i| LN_RADIUS.at(i).exp())
+            .take_while(|&r| r < exitance.farthest_radius())
+            .collect();
+        let factors = radiance
+            .profile(&radii)
+            .iter()
+            .zip(exitance.profile(&radii))
+            .map(|(seen, all)| (seen.ln_reflectance - all.ln_reflectance).exp())
+            .collect();
+        ExitFactor::by_radius(
+            LN_RADIUS.first - t.ln(),
+            LN_RADIUS.step,
+            factors,
+            radiance.at_beam(),
+            (radiance.total() + radiance.at_beam()) / exitance.total(),
+        )
     }
 
     fn name(&self) -> &'static str {

@@ -102,6 +102,8 @@ impl Interior {
 /// A smooth boundary at one relative index, for any medium below it.
 pub struct Surface {
     eta: f64,
+    /// Cosine inside of the direction in which light is seen, if it is not exitance.
+    toward: Option<f64>,
     fine: Boundary,
     coarse: Boundary,
     flat: Boundary,
@@ -110,11 +112,23 @@ pub struct Surface {
 impl Surface {
     /// The boundary at relative index `eta`, at least 1.
     pub fn new(eta: f64) -> Self {
+        Self::seen(eta, None)
+    }
+
+    /// The same boundary before a camera that sees along the cosine `cos_view`, outside, with the
+    /// normal: every exitance of its [`Solution`] becomes π·radiance, averaged over the azimuth.
+    pub fn toward(eta: f64, cos_view: f64) -> Self {
+        let mu = physics::fresnel::refracted_cos(eta, cos_view).unwrap_or(1.0);
+        Self::seen(eta, Some(mu))
+    }
+
+    fn seen(eta: f64, toward: Option<f64>) -> Self {
         Self {
             eta,
-            fine: Boundary::new(eta, FINE_ORDER, FINE_ORDER),
-            coarse: Boundary::new(eta, COARSE_ORDER, COARSE_ORDER),
-            flat: Boundary::new(eta, FLAT_ORDER, 0),
+            toward,
+            fine: Boundary::new(eta, FINE_ORDER, FINE_ORDER, toward),
+            coarse: Boundary::new(eta, COARSE_ORDER, COARSE_ORDER, toward),
+            flat: Boundary::new(eta, FLAT_ORDER, 0, toward),
         }
     }
 
@@ -129,10 +143,14 @@ impl Surface {
         let fine = Spectrum::new(&self.fine, &interior.fine);
         let coarse = Spectrum::new(&self.coarse, &interior.coarse);
         let flat = Spectrum::new(&self.flat, &interior.flat);
-        let single = Single::new(self.eta, g, &interior.fine);
+        let once = |medium: &ScaledMedium| match self.toward {
+            None => Single::new(self.eta, g, medium.single_albedo),
+            Some(mu) => Single::toward(self.eta, g, medium.single_albedo, mu),
+        };
+        let single = once(&interior.fine);
         let zero = C::default();
         let total_of = |spectrum: &Spectrum, medium: &ScaledMedium| {
-            spectrum.at(zero).re + Single::new(self.eta, g, medium).beyond(0.0)
+            spectrum.at(zero).re + once(medium).beyond(0.0)
         };
         let total = total_of(&flat, &interior.flat);
         let fine_total = total_of(&fine, &interior.fine);

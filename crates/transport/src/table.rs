@@ -87,15 +87,25 @@ impl<'a> Table<'a> {
 
     /// The corrections at one η and g for every node of k.
     pub(crate) fn reduced(&self, eta: f64, g: f64) -> Vec<f64> {
+        self.mixed(eta, &G.weights(g))
+    }
+
+    /// The corrections at one η and the node number `node` of g, for every node of k.
+    pub(crate) fn at_node(&self, eta: f64, node: usize) -> Vec<f64> {
+        let mut weights = vec![0.0; G.count];
+        weights[node] = 1.0;
+        self.mixed(eta, &weights)
+    }
+
+    fn mixed(&self, eta: f64, g_weights: &[f64]) -> Vec<f64> {
         let eta_weights = ETA.weights(eta);
-        let g_weights = G.weights(g);
         let row = K.count * PER_MEDIUM;
         let mut out = vec![0.0; row];
         let rows = self.bytes.chunks_exact(4 * row);
         let weights = eta_weights
             .iter()
             .flat_map(|a| g_weights.iter().map(move |b| a * b));
-        for (bytes, weight) in rows.zip(weights) {
+        for (bytes, weight) in rows.zip(weights).filter(|(_, weight)| *weight != 0.0) {
             for (x, bytes) in out.iter_mut().zip(bytes.as_chunks::<4>().0) {
                 *x += weight * f64::from(f32::from_le_bytes(*bytes));
             }

@@ -1,7 +1,7 @@
 //! The table against the solver that filled it, its gradients, its consistency, its refusals.
 
 use physics::{Coefficients, ForwardModel, Gradient};
-use transport::{Interior, OutOfTable, Surface, TransportModel};
+use transport::{Interior, OutOfTable, Surface, TransportFamily, TransportModel};
 
 /// Numbers in [0, 1) that are the same on every run.
 fn random() -> impl FnMut() -> f64 {
@@ -128,6 +128,27 @@ fn gradients_are_slopes() {
         }
         check("total", f64::INFINITY, &within);
     }
+}
+
+#[test]
+fn a_family_has_the_models_at_every_g() {
+    let family = TransportFamily::new(1.37).unwrap();
+    let at = Coefficients {
+        sigma_a: 0.05,
+        sigma_s_prime: 1.3,
+    };
+    let radii = [0.01, 0.2, 3.0, 20.0];
+    for g in [-0.3, 0.0, 0.61, 0.95] {
+        let (mut one, mut other) = ([0.0; 4], [0.0; 4]);
+        let alone = TransportModel::new(1.37, g).unwrap();
+        let of_family = family.at(g).unwrap();
+        alone.diffuse_reflectance(at, &radii, &mut one);
+        of_family.diffuse_reflectance(at, &radii, &mut other);
+        for (a, b) in one.iter().zip(other) {
+            assert!((a / b - 1.0).abs() < 1e-10, "g {g}: {a} and {b}");
+        }
+    }
+    assert!(family.at(0.96).is_err() && TransportFamily::new(1.7).is_err());
 }
 
 #[test]

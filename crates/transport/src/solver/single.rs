@@ -1,6 +1,5 @@
 //! Light that scattered once: exact, for the pencil beam itself.
 
-use super::medium::ScaledMedium;
 use gauss_quad::GaussLegendre;
 use physics::{HenyeyGreenstein, PhaseFunction, fresnel};
 use std::f64::consts::PI;
@@ -9,14 +8,20 @@ use std::num::NonZeroUsize;
 /// Below this angle from the normal a panel needs no further division, rad.
 const SMALLEST_ANGLE: f64 = 1e-4;
 
-/// Single scattering of one medium, in its own units of length.
+/// Single scattering of one medium, in units of its mean free path.
 pub(crate) struct Single {
     /// For each direction: its share of the light, and the length of beam and way back per radius.
     rays: Vec<(f64, f64)>,
+    /// What is seen at the very point where the beam enters; see [`Self::toward`].
+    pub(crate) at_beam: f64,
 }
 
+/// Below this sine of the direction inside, what scattered once is seen at one point.
+const STRAIGHT_BACK: f64 = 1e-3;
+
 impl Single {
-    pub(crate) fn new(eta: f64, g: f64, medium: &ScaledMedium) -> Self {
+    /// `albedo` is the share of the light lost from the beam that scatters.
+    pub(crate) fn new(eta: f64, g: f64, albedo: f64) -> Self {
         let phase = HenyeyGreenstein { g };
         let rule = GaussLegendre::new(NonZeroUsize::new(16).expect("16 is not zero"));
         let critical = (1.0 / eta).min(1.0).asin();
@@ -33,7 +38,7 @@ impl Single {
                 let weight = 0.5 * w * (high - low) * f64::from(power) * s.powi(power - 1);
                 let cos = theta.cos();
                 let entering = 1.0 - fresnel::reflectance(1.0 / eta, cos);
-                let density = 2.0 * PI * medium.single_albedo * phase.density(-cos);
+                let density = 2.0 * PI * albedo * phase.density(-cos);
                 rays.push((weight * density * entering * cos, (1.0 + cos) / theta.sin()));
             }
         };
@@ -61,7 +66,25 @@ impl Single {
             panel(low, high, true, power);
             (low, width, power) = (high, 2.0 * width, 1);
         }
-        Self { rays }
+        Self { rays, at_beam: 0.0 }
+    }
+
+    /// π·radiance in place of exitance, toward a camera that sees along the cosine `mu` inside.
+    pub(crate) fn toward(eta: f64, g: f64, albedo: f64, mu: f64) -> Self {
+        let phase = HenyeyGreenstein { g };
+        let entering = 1.0 - fresnel::reflectance(1.0 / eta, mu);
+        let seen = PI / (eta * eta) * albedo * phase.density(-mu) * entering;
+        let sin = ((1.0 - mu) * (1.0 + mu)).max(0.0).sqrt();
+        if sin < STRAIGHT_BACK {
+            return Self {
+                rays: Vec::new(),
+                at_beam: seen / (1.0 + mu),
+            };
+        }
+        Self {
+            rays: vec![(seen / sin, (1.0 + mu) / sin)],
+            at_beam: 0.0,
+        }
     }
 
     /// Exitance at `radius`.

@@ -43,6 +43,12 @@ impl Solution {
         self.total
     }
 
+    /// Of light seen toward a camera, the part at the very point where the beam enters, which
+    /// neither the total nor the profile holds.
+    pub fn at_beam(&self) -> f64 {
+        self.single.at_beam
+    }
+
     /// The rate κ of the slowest mode: far out R_d falls like e^(−κr)/r², per 1/σₜ′.
     pub fn slowest_rate(&self) -> f64 {
         self.rate * self.extinction

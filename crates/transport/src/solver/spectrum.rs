@@ -20,7 +20,9 @@ pub(crate) struct Boundary {
 }
 
 impl Boundary {
-    pub(crate) fn new(eta: f64, order: usize, azimuths: usize) -> Self {
+    /// Light that leaves is counted as exitance, or as π·radiance along the cosine `toward`
+    /// inside.
+    pub(crate) fn new(eta: f64, order: usize, azimuths: usize, toward: Option<f64>) -> Self {
         let layout = Layout::new(order, azimuths);
         let rays = boundary::rays(eta, order + 3);
         let mut marshak: Vec<Vec<f64>> = (0..=azimuths)
@@ -45,7 +47,16 @@ impl Boundary {
                 }
             }
         }
-        let exits = boundary::rays(eta, 12)
+        let exits = match toward {
+            None => boundary::rays(eta, 12),
+            // Radiance falls by η² on its way out; an exitance would be 2π∫ of it over μ dμ.
+            Some(mu) => vec![Ray {
+                mu,
+                weight: 0.5 / (mu * eta * eta),
+                reflectance: physics::fresnel::reflectance(1.0 / eta, mu),
+            }],
+        };
+        let exits = exits
             .into_iter()
             .filter(|ray| ray.reflectance < 1.0)
             .map(|ray| (ray, legendre(&layout, -ray.mu)))

@@ -179,7 +179,7 @@ mod tests {
         let order = 9;
         for (eta, g, absorption) in [(1.0, 0.0, 0.3), (1.4, 0.8, 0.01), (1.33, -0.3, 0.7)] {
             let medium = ScaledMedium::new(absorption, g, order);
-            let boundary = Boundary::new(eta, order, order);
+            let boundary = Boundary::new(eta, order, order, None);
             let spectrum = Spectrum::new(&boundary, &medium);
             for q in [C::new(0.4, 0.0), C::new(0.5, 0.5), C::new(0.9, 1.3)] {
                 let layout = Layout::new(order, order);
