@@ -20,6 +20,7 @@
 //! | [`brdf`] | the BSSRDF folded into a BRDF under uniform light |
 //! | [`first_order`] | light that scatters once in a stack of layers (Hanrahan and Krueger 1993) |
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
+//! | [`exit`] | [`ExitFactor`]: what a camera sees of the light that leaves |
 //! | [`footprint`] | what one datum of a profile averages over: ring, beam and pixel |
 //! | [`frame`] | [`Frame`] and [`Sensor`]: one exposure, and the sensor behind it |
 //! | [`mosaic`] | [`Mosaic`]: which colour each photosite of a sensor sees |
