@@ -95,3 +95,96 @@ impl Compared {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fitting::{ScaleInput, fit_channel};
+    use crate::library::SlabChoice;
+    use fit::Constraint;
+    use physics::footprint::Beam;
+    use physics::{Coefficients, ObliqueBeam, ProfilePoint, TotalReflectance};
+    use profile::Exit;
+
+    /// Every model finds its own medium among the fits of all, under each constraint: also the one
+    /// whose thickness has a scale, and the oblique one.
+    #[test]
+    fn each_model_finds_its_own_medium() {
+        let known = ModelChoice {
+            g: Some(0.7),
+            slab: Some(SlabChoice {
+                thickness_mm: 4.0,
+                eta_below: Some(1.0),
+            }),
+            beam: ObliqueBeam {
+                angle: 0.7,
+                center_mm: 0.0,
+            },
+            ..ModelChoice::default()
+        };
+        let truth = Coefficients {
+            sigma_a: 0.05,
+            sigma_s_prime: 1.3,
+        };
+        let radii: Vec<f64> = (0..40).map(|i| 0.3 * 1.1_f64.powi(i)).collect();
+        for constraint in [Constraint::Exact, Constraint::Joint, Constraint::None] {
+            let given = Given {
+                model: known.called("dipole"),
+                discrepancy: false,
+                free_scale: false,
+                constraint,
+                range_mm: Some((1.0, 15.0)),
+                eta: 1.4,
+                u_eta: 0.0,
+                entry_loss: false,
+                cos_beam: 1.0,
+                exit: Exit::Lambert,
+                u_length_relative: 0.0,
+                beam: Beam::Point,
+                u_fwhm_mm: 0.0,
+                pixel_mm: 0.0,
+            };
+            let of_itself = |given: &Given| {
+                let model = library::model(&given.model, given.eta)?;
+                let mut values = vec![0.0; radii.len()];
+                model.diffuse_reflectance(truth, &radii, &mut values);
+                let profile = RadialProfile {
+                    channel: "Y".to_owned(),
+                    points: radii
+                        .iter()
+                        .zip(&values)
+                        .map(|(&radius_mm, &value)| ProfilePoint {
+                            ring_mm: None,
+                            radius_mm,
+                            reflectance_per_mm2: value,
+                            u_reflectance_per_mm2: 1e-3 * value,
+                            pixels: None,
+                        })
+                        .collect(),
+                };
+                let total = TotalReflectance {
+                    channel: "Y".to_owned(),
+                    total_reflectance: model.within(truth, f64::INFINITY).value,
+                    u_total_reflectance: 1e-3,
+                    radius_max_mm: None,
+                    u_scale_relative: 0.0,
+                };
+                let scale: [ScaleInput; 0] = [];
+                Ok(vec![fit_channel(&profile, Some(&total), &scale, given)?])
+            };
+            let compared = compare(&known, &given, of_itself).unwrap();
+            assert_eq!(compared.len(), 8);
+            for model in compared {
+                let fit = &model.outcome.as_ref().unwrap()[0];
+                let error_a = fit.sigma_a.value / truth.sigma_a - 1.0;
+                let error_s = fit.sigma_s_prime.value / truth.sigma_s_prime - 1.0;
+                assert!(
+                    error_a.abs() < 1e-5 && error_s.abs() < 1e-5,
+                    "{} {constraint:?}: {error_a:e} {error_s:e} {:?}",
+                    model.name(),
+                    fit.termination
+                );
+            }
+        }
+    }
+}

@@ -243,3 +243,75 @@ fn checked(choice: &SlabChoice, eta: f64) -> Result<Slab> {
     .input("eta_below, the index of the sample over that of what lies below")?;
     Ok(slab)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(known: &ModelChoice) -> Vec<String> {
+        known.all(1.4).into_iter().map(|m| m.name).collect()
+    }
+
+    #[test]
+    fn all_models_are_those_that_the_sample_allows() {
+        let bare = ModelChoice::default();
+        assert_eq!(
+            names(&bare),
+            [
+                "dipole",
+                "jensen2001",
+                "better-dipole",
+                "kienle-patterson",
+                "photon-beam-diffusion",
+                "directional"
+            ]
+        );
+        let known = ModelChoice {
+            g: Some(0.8),
+            slab: Some(SlabChoice {
+                thickness_mm: 2.0,
+                eta_below: None,
+            }),
+            ..bare
+        };
+        assert_eq!(names(&known), MODELS);
+    }
+
+    #[test]
+    fn what_a_model_does_not_use_is_refused() {
+        let slab = |thickness_mm, eta_below| SlabChoice {
+            thickness_mm,
+            eta_below,
+        };
+        let cases = [
+            ("dipole", Some(0.8), None, "does not use g"),
+            ("dipole", None, Some(slab(2.0, None)), "infinitely thick"),
+            ("multipole", None, None, "needs the thickness"),
+            (
+                "multipole",
+                None,
+                Some(slab(-1.0, None)),
+                "above 0 mm, got -1",
+            ),
+            (
+                "multipole",
+                None,
+                Some(slab(1.0, Some(9.0))),
+                "between 0.2 and 5",
+            ),
+            ("photon-beam-diffusion", Some(1.0), None, "between -1 and 1"),
+            ("monte-carlo", None, None, "needs g"),
+            ("monopole", None, None, "no model is called `monopole`"),
+        ];
+        for (name, g, slab, said) in cases {
+            let choice = ModelChoice {
+                name: name.to_owned(),
+                g,
+                slab,
+                ..ModelChoice::default()
+            };
+            let error = model(&choice, 1.4).map(|m| m.name()).unwrap_err();
+            assert!(format!("{error:#}").contains(said), "{name}: {error:#}");
+        }
+    }
+}
