@@ -92,6 +92,7 @@ fn coefficients_come_back_from_a_mosaic() {
             format!("sample: mosaic {pattern}: each channel has its own photosites"),
             "sample: 401 x 399 px are no whole number of cells".to_owned(),
             "reference: hot pixels masked: R ".to_owned(),
+            "sample, R: of the pixels about the spot, ".to_owned(),
         ] {
             assert!(said.contains(&line), "{line}: {said}");
         }

@@ -16,6 +16,7 @@ import imageio.v3 as imageio
 import numpy as np
 import OpenEXR
 import pytest
+import rawpy
 import tifffile
 from astropy.io import fits
 from PIL import Image, ImageCms
@@ -30,6 +31,7 @@ channels = "{channels}"
 exposures_s = [0.001, 0.02, 0.5]
 """
 EXPOSURE_TIME = 33434
+PATTERN = "GRBG"
 EXIF = 0x8769
 MICRO_MANAGER = 51123
 
@@ -119,6 +121,11 @@ def mono(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rgb(tmp_path_factory):
     return Capture(tmp_path_factory.mktemp("rgb"), "rgb")
+
+
+@pytest.fixture(scope="module")
+def bayer(tmp_path_factory):
+    return Capture(tmp_path_factory.mktemp("bayer"), f'rgb"\nmosaic = "{PATTERN}')
 
 
 def tiff(**options):
@@ -385,6 +392,10 @@ def test_mixtures_and_copies_are_named(mono, tmp_path):
         tags = [(271, "s", 0, "Maker", True), (272, "s", 0, camera, True)]
         tifffile.imwrite(folder / f"{name}.tif", mono.frames[name], metadata=None, extratags=tags)
     refused(folder, "capture.toml", "sample_03.tif", "`Maker B`", "`Maker A`")
+    for name, iso in (("sample/sample_01", 100), ("sample/sample_03", 200)):
+        tags = [(34855, 3, 1, iso, True)]
+        tifffile.imwrite(folder / f"{name}.tif", mono.frames[name], metadata=None, extratags=tags)
+    refused(folder, "capture.toml", "sample_03.tif", "ISO 200", "ISO 100", "one gain")
 
 
 def test_twelve_bits_in_sixteen_are_recognised(mono, tmp_path):
@@ -393,6 +404,104 @@ def test_twelve_bits_in_sixteen_are_recognised(mono, tmp_path):
 
     _, notes = merged(mono.rewritten(tmp_path, high))
     assert any("multiple of 16: 12-bit" in note for note in notes), notes
+
+
+# Mosaics of a colour filter array.
+
+
+def mosaic_tags(time, pattern=PATTERN):
+    """The tags that TIFF/EP and DNG share."""
+    colours = bytes("RGB".index(colour) for colour in pattern)
+    return [
+        (33421, 3, 2, (2, 2), True),
+        (33422, 1, 4, colours, True),
+        (EXPOSURE_TIME, 5, 1, (round(time * 1000), 1000), True),
+    ]
+
+
+def dng(border=(0, 0), pattern=PATTERN, **options):
+    """A DNG, with a border of photosites that see no light; rawpy reads it to the same counts."""
+
+    def write(path, frame, time):
+        top, left = border
+        data = np.pad(frame, ((top, 1), (left, 2)), constant_values=3)
+        height, width = frame.shape
+        matrix = (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1)
+        tags = [
+            *mosaic_tags(time, pattern),
+            (50706, 1, 4, bytes([1, 4, 0, 0]), True),
+            (50708, 2, 0, "Maker Model", True),
+            (50717, 4, 1, 60000, True),
+            (50721, 10, 9, matrix, True),
+            (50829, 4, 4, (top, left, top + height, left + width), True),
+        ]
+        tifffile.imwrite(
+            f"{path}.dng", data, photometric="cfa", metadata=None, extratags=tags, **options
+        )
+        if not options:
+            with rawpy.imread(f"{path}.dng") as raw:
+                np.testing.assert_array_equal(raw.raw_image_visible, frame)
+                colours = raw.raw_colors_visible[:2, :2].ravel()
+                assert "".join("RGBG"[colour] for colour in colours) == pattern
+        return "dng"
+
+    return write
+
+
+def cfa_tiff(path, frame, time):
+    tifffile.imwrite(
+        f"{path}.tif", frame, photometric="cfa", metadata=None, extratags=mosaic_tags(time)
+    )
+    return "tif"
+
+
+MOSAICS = {
+    "dng": dng(),
+    "dng-border": dng(border=(3, 5)),
+    "dng-deflate": dng(compression="deflate"),
+    "dng-big-endian": dng(byteorder=">"),
+    "tiff": cfa_tiff,
+    "fits": fits_file(BAYERPAT=(lambda _: PATTERN, "")),
+    "fits-offset": fits_file(BAYERPAT=(lambda _: "RGGB", ""), XBAYROFF=(lambda _: 1, "")),
+}
+
+
+@pytest.mark.parametrize("name", MOSAICS)
+def test_a_mosaic_says_its_pattern_itself(bayer, name, tmp_path):
+    folder = bayer.rewritten(tmp_path, MOSAICS[name])
+    manifest = (folder / "capture.toml").read_text()
+    stated = f'mosaic = "{PATTERN}"\n'
+    assert stated in manifest
+    (folder / "capture.toml").write_text(manifest.replace(stated, ""))
+    notes = bayer.same(folder)
+    assert any(note.startswith(f"sample: mosaic {PATTERN}") for note in notes), notes
+
+
+def test_a_mosaic_is_one_plane(bayer):
+    assert sorted(bayer.layers) == ["mosaic", "mosaic.variance"]
+
+
+def test_exposure_times_of_a_dng(bayer, tmp_path):
+    bayer.rewritten(tmp_path, dng())
+    (tmp_path / "capture.toml").write_text(bayer.patterns("dng"))
+    assert "sample.frames: 3 exposure times from the EXIF" in bayer.same(tmp_path)
+
+
+def test_patterns_that_contradict_are_named(bayer, tmp_path):
+    folder = bayer.rewritten(tmp_path, dng())
+    dng(pattern="RGGB")(folder / "sample/sample_02", bayer.frames["sample/sample_02"], 0.02)
+    refused(folder, "sample_02.dng", "the mosaic RGGB", f'camera.mosaic = "{PATTERN}"')
+    manifest = (folder / "capture.toml").read_text()
+    (folder / "capture.toml").write_text(manifest.replace(f'mosaic = "{PATTERN}"\n', ""))
+    refused(folder, "sample/sample_02.dng", "mosaic RGGB", f"mosaic {PATTERN}", "one camera")
+
+
+def test_a_compressed_dng_is_answered_with_how_to_get_it(bayer, tmp_path):
+    folder = bayer.rewritten(tmp_path, dng())
+    path = folder / "sample/sample_02.dng"
+    lossless = Path(__file__).parents[2] / "fixtures/frames/raw/lossless.dng"
+    shutil.copy(lossless, path)
+    refused(folder, "sample_02.dng", "camera RAW (DNG)", "--features raw", "uncompressed DNG")
 
 
 # A folder without a manifest.

@@ -37,6 +37,9 @@ fn ci() -> Result<()> {
         "warnings",
     ])?;
     cargo(&["test", "--workspace"])?;
+    // What stands behind a feature is built by nothing else.
+    cargo(&["test", "--package", "beamspot-raw", "--features", "rawler"])?;
+    cargo(&["check", "--package", "beamspot-cli", "--features", "raw"])?;
     let mut doc = command("cargo", ["doc", "--workspace", "--no-deps"]);
     run(doc.env("RUSTDOCFLAGS", "--deny warnings"))?;
     python()

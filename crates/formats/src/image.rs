@@ -368,12 +368,6 @@ impl Format {
     }
 }
 
-/// Whether the file is camera RAW that its own decoder is needed for.
-pub fn is_camera_raw(bytes: &[u8]) -> bool {
-    camera_raw(bytes).is_some()
-        || (Format::of(bytes) == Some(Format::Tiff) && undeveloped::is_foreign(bytes))
-}
-
 /// The camera's own format, where the first bytes say so and none of ours does.
 fn camera_raw(bytes: &[u8]) -> Option<&'static str> {
     if bytes.starts_with(b"FUJIFILMCCD-RAW") {

@@ -3,6 +3,7 @@
 //! Metadata that is damaged counts as absent: the pixels decide whether a file can be used. An
 //! exposure time without a unit is reported as such and never guessed.
 
+mod camera_raw;
 mod file_name;
 pub(crate) mod tags;
 
@@ -192,6 +193,8 @@ pub struct Metadata {
     pub exposures: Vec<Stated>,
     /// Maker, model and serial number of the camera.
     pub camera: Option<String>,
+    /// Sensitivity as EXIF has it, which stands for the gain.
+    pub iso: Option<u64>,
 }
 
 impl Metadata {
@@ -202,21 +205,8 @@ impl Metadata {
             Some(Format::Png) => png_chunk(bytes, *b"eXIf").map_or_else(Self::default, tags::read),
             Some(Format::Fits) => Header::read(bytes).map_or_else(Self::default, |h| fits(&h)),
             Some(Format::Exr) => exr(bytes),
-            Some(Format::Pnm) | None => Self::default(),
-        }
-    }
-
-    /// What the EXIF of a file says that another reader has opened.
-    pub fn of_exif(exposure_s: Option<f64>, camera: Option<String>) -> Self {
-        let exposure = exposure_s.map(|value| Stated {
-            source: Source::Exif,
-            field: "ExposureTime".to_owned(),
-            value,
-            unit: Some(TimeUnit::Seconds),
-        });
-        Self {
-            exposures: exposure.into_iter().collect(),
-            camera,
+            Some(Format::Pnm) => Self::default(),
+            None => camera_raw::read(bytes),
         }
     }
 
@@ -316,6 +306,7 @@ fn fits(header: &Header<'_>) -> Metadata {
     Metadata {
         exposures: exposures.collect(),
         camera: camera(["INSTRUME", "CAMERA", "DETECTOR"].map(|key| header.value(key))),
+        iso: None,
     }
 }
 
@@ -334,7 +325,7 @@ fn exr(bytes: &[u8]) -> Metadata {
         });
     Metadata {
         exposures: exposures.into_iter().collect(),
-        camera: None,
+        ..Metadata::default()
     }
 }
 
@@ -427,6 +418,30 @@ mod tests {
             ..exif
         };
         assert!(exact.contradicts(1.0 / 32.0));
+    }
+
+    #[test]
+    fn exif_of_camera_raw_is_found() {
+        let cr3 = include_bytes!("../../../fixtures/frames/raw/canon-r6.cr3");
+        let raf = include_bytes!("../../../fixtures/frames/raw/fujifilm_x_t1_01.raf.meta");
+        for (bytes, seconds, camera) in [
+            (&cr3[..], 0.01, "Canon EOS R6"),
+            (&raf[..], 0.4, "FUJIFILM X-T1"),
+        ] {
+            let metadata = Metadata::read(bytes);
+            let found = metadata.exposure("", None).unwrap().unwrap();
+            assert_eq!((found.source, found.seconds), (Source::Exif, seconds));
+            assert!(matches!(metadata.iso, Some(25_600 | 200)));
+            let named = metadata.camera.unwrap();
+            assert!(named.contains(camera), "{named}");
+            // Whatever is cut off, or twisted, counts as absent.
+            for end in (0..bytes.len().min(4000)).chain([bytes.len() / 2]) {
+                let _ = Metadata::read(&bytes[..end]);
+                let mut damaged = bytes.to_vec();
+                damaged[end] ^= 0xff;
+                let _ = Metadata::read(&damaged[..bytes.len().min(6000)]);
+            }
+        }
     }
 
     #[test]

@@ -52,6 +52,7 @@ fn every_sample_is_where_it_was_put() {
         let (bits, float) = match kind.as_bytes() {
             [b'8', ..] => (8, false),
             [b'1', b'2', ..] => (12, false),
+            [b'1', b'4', ..] => (14, false),
             [b'1', b'6', ..] | [b'3', b'2', ..] => (16, false),
             _ => (16, true),
         };
@@ -63,6 +64,11 @@ fn every_sample_is_where_it_was_put() {
             }
         }
         assert_eq!(matches!(frame.samples, Samples::F32(_)), float, "{name}");
+        let mosaic = decoded.mosaic.map(|mosaic| mosaic.to_string());
+        let expected = name.contains("cfa").then_some("GRBG");
+        assert_eq!(mosaic.as_deref(), expected, "{name}");
+        let white = name.ends_with(".dng").then_some(60_000.0);
+        assert_eq!(decoded.white_level_dn, white, "{name}");
         let samples = frame.samples.to_f32();
         for (i, found) in samples.iter().enumerate() {
             let (x, y, c) = (i / channels % WIDTH, i / channels / WIDTH, i % channels);
@@ -90,18 +96,27 @@ fn a_file_cut_at_any_tenth_is_an_error() {
     }
 }
 
-/// 2³¹ in every place of headers and directories, in both byte orders: what comes is a frame of
-/// the same size or an error, and no gigabyte is asked for.
+/// 2³¹ and 2³² − 1 in every place of headers and directories, in both byte orders, and of BigTIFF
+/// 2⁶³ as well: what comes is a frame of the same size or an error, and no gigabyte is asked for.
 #[test]
-fn a_size_of_two_to_the_31_is_not_believed() {
+fn a_size_beyond_the_file_is_not_believed() {
     let mut refused = 0;
     for (name, bytes) in small() {
         let n = bytes.len();
         let places = (0..n.min(700)).chain(n.saturating_sub(400).max(700)..n);
         for at in places.filter(|at| at + 4 <= n) {
-            for size in [0x8000_0000_u32.to_le_bytes(), 0x8000_0000_u32.to_be_bytes()] {
+            let mut sizes = vec![
+                0x8000_0000_u32.to_le_bytes().to_vec(),
+                0x8000_0000_u32.to_be_bytes().to_vec(),
+                u32::MAX.to_le_bytes().to_vec(),
+            ];
+            if name.contains("-big") && at + 8 <= n {
+                sizes.push((1_u64 << 63).to_le_bytes().to_vec());
+                sizes.push((1_u64 << 63).to_be_bytes().to_vec());
+            }
+            for size in sizes {
                 let mut damaged = bytes.clone();
-                damaged[at..at + 4].copy_from_slice(&size);
+                damaged[at..at + size.len()].copy_from_slice(&size);
                 match decode_frame(&damaged) {
                     Ok(decoded) => assert!(
                         decoded.frame.samples.len() <= 8 * damaged.len() * 1100,
@@ -156,6 +171,19 @@ fn real_files_are_read_or_refused_with_their_reason() {
         let found: f64 = samples.iter().map(|s| f64::from(*s)).sum();
         assert_eq!(found, sum, "{name}");
         assert!(samples.iter().all(|s| *s <= saturated as f32), "{name}");
+    }
+    // What the makers of cameras keep to themselves.
+    let error = decode_frame(&fs::read(folder().join("raw/lossless.dng")).unwrap());
+    let error = error.unwrap_err().to_string();
+    for words in ["camera RAW (DNG)", "`--features raw`", "uncompressed DNG"] {
+        assert!(error.contains(words), "{error}");
+    }
+    for (name, format) in [
+        ("canon-r6.cr3", "CR3"),
+        ("fujifilm_x_t1_01.raf.meta", "RAF"),
+    ] {
+        let error = read(&format!("raw/{name}")).unwrap_err().to_string();
+        assert!(error.contains(&format!("camera RAW ({format})")), "{error}");
     }
     // A photograph of 8 bits in packbits.
     let error = read("tif.tif").unwrap().linear(false).unwrap_err();

@@ -504,6 +504,17 @@ pub fn exposure_lines(subject: Subject, merged: &Merged) -> Vec<String> {
     lines
 }
 
+/// What a profile leaves out of a channel, in a sentence, where it does.
+pub fn left_out(subject: Subject, channel: &str, rejected: u64, unmeasured: u64) -> Option<String> {
+    (rejected + unmeasured > 0).then(|| {
+        format!(
+            "{}, {channel}: of the pixels about the spot, {rejected} were rejected as outliers of \
+             their ring and {unmeasured} had not been measured",
+            subject.field()
+        )
+    })
+}
+
 /// What was dropped in a merge, in sentences.
 pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
     let names = merged.map.names();

@@ -16,11 +16,15 @@ pub(crate) struct Consistency {
     size: (usize, usize),
     /// The camera that a file names, and that file.
     camera: Option<(String, String)>,
+    /// The sensitivity that a file names, and that file.
+    iso: Option<(String, u64)>,
     /// Files by the hash of their bytes.
     seen: BTreeMap<String, String>,
     /// Every bit that was set in some sample, and the largest sample.
     bits: u16,
     largest: u16,
+    /// The least white level that a file states, DN.
+    white_level_dn: Option<f64>,
     notes: Vec<String>,
 }
 
@@ -84,6 +88,18 @@ impl Consistency {
                 None => self.camera = Some((file.clone(), camera.clone())),
             }
         }
+        if let Some(iso) = metadata.iso {
+            match &self.iso {
+                Some((before, expected)) if *expected != iso => {
+                    return refuse(format!(
+                        "{file}: was taken at ISO {iso}, and {before} at ISO {expected}: expected \
+                         one gain for all frames"
+                    ));
+                }
+                Some(_) => {}
+                None => self.iso = Some((file.clone(), iso)),
+            }
+        }
         // The name was asked only where the file says nothing, and what cannot be read
         // contradicts nothing.
         let name = file.rsplit('/').next().unwrap_or(file);
@@ -95,6 +111,9 @@ impl Consistency {
                  believed",
                 found.source, found.seconds, found.field
             ));
+        }
+        if let Some(white) = decoded.white_level_dn {
+            self.white_level_dn = Some(self.white_level_dn.map_or(white, |least| least.min(white)));
         }
         if let Samples::U16(samples) = &decoded.frame.samples {
             for sample in samples {
@@ -112,6 +131,11 @@ impl Consistency {
             depth,
             self.camera.as_ref().map(|(_, camera)| camera.clone()),
         )
+    }
+
+    /// The least count at and above which a file says that samples are saturated.
+    pub(crate) fn white_level_dn(&self) -> Option<f64> {
+        self.white_level_dn
     }
 
     /// The pattern that all frames share.

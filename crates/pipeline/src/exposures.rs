@@ -2,9 +2,8 @@
 
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files;
-use crate::reading::read_metadata;
 use formats::capture::{FrameEntry, Frames};
-use formats::metadata::TimeUnit;
+use formats::metadata::{Metadata, TimeUnit};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -38,7 +37,7 @@ pub(crate) fn find(
             Some(exposure_s) => exposure_s,
             None => {
                 let path = folder.join(&file);
-                let metadata = read_metadata(&files::read(&path)?);
+                let metadata = Metadata::read(&files::read(&path)?);
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let found = metadata.exposure(&name, fits_unit).input(path.display())?;
                 let found = found.ok_or_else(|| {

@@ -30,6 +30,9 @@ pub struct FitDocument {
     pub constraint: &'static str,
     /// What was assumed where nothing was stated.
     pub assumptions: Vec<String>,
+    /// What was left out on the way, and why.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// The channels.
     pub channels: Vec<Channel>,
     /// The same channels under every model that applies, where that was asked.
@@ -232,6 +235,7 @@ impl FitDocument {
             model: model.to_owned(),
             constraint: constraint_name(constraint),
             assumptions: assumptions.to_vec(),
+            left_out: vec![],
             channels: fits.iter().map(Channel::from).collect(),
             models: vec![],
         }
@@ -259,6 +263,13 @@ impl FitDocument {
         for (channel, bootstrap) in self.channels.iter_mut().zip(bootstraps) {
             channel.bootstrap = Some(*bootstrap);
         }
+        self
+    }
+
+    /// The same document with the frames and pixels that were left out, in sentences.
+    #[must_use]
+    pub fn with_left_out(mut self, lines: &[String]) -> Self {
+        self.left_out = lines.to_vec();
         self
     }
 

@@ -173,7 +173,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let reflectance = &loaded.capture.reference;
     let mut scales = vec![];
     let mut scale_inputs = vec![];
-    for mut scale in whites {
+    for (mut scale, name) in whites.into_iter().zip(sample.map.names()) {
         let inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
@@ -190,6 +190,9 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         ];
         scale.u_relative = fitting::u_relative(&inputs);
         scale_inputs.push(inputs);
+        let (rejected, unmeasured) = (scale.rejected_pixels, scale.unmeasured_pixels);
+        let line = crate::capture::left_out(Subject::Reference, name, rejected, unmeasured);
+        merge_lines.extend(line);
         scales.push(scale);
     }
     let mut estimated: Vec<String> = found.iter().map(Found::line).collect();
@@ -321,7 +324,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     // A model that is not there should not take a minute of merging to find out.
     let model = chosen_model(capture, choices);
     crate::library::model(&model, capture.eta)?;
-    let radiance = radiance(loaded, monitor)?;
+    let mut radiance = radiance(loaded, monitor)?;
     let place = || loaded.input.path.display().to_string();
     monitor.check()?;
     monitor.begin("fitting", radiance.scales.len() as u64);
@@ -333,6 +336,11 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         capture.geometry.center_px,
     )
     .map_err(|e| e.within(format!("{}: sample", place())))?;
+
+    radiance.merge_lines.extend(measured.iter().filter_map(|m| {
+        let (rejected, unmeasured) = (m.rejected_pixels, m.unmeasured_pixels);
+        crate::capture::left_out(Subject::Sample, &m.total.channel, rejected, unmeasured)
+    }));
 
     let given = given(capture, choices, model, &radiance, measured[0].center_px);
     let fits = measured
@@ -446,6 +454,7 @@ impl Measurement {
             &self.assumptions,
         );
         document
+            .with_left_out(&self.radiance.merge_lines)
             .with_verdicts(&self.verdicts)
             .with_bootstraps(&self.bootstraps)
             .with_confirmations(&self.confirmations)

@@ -30,21 +30,8 @@ pub(crate) fn read_frame(bytes: &[u8], path: &Path) -> Result<(Decoded, Metadata
                 white_level_dn: Some(raw.white_level_dn),
                 curve: false,
             };
-            Ok((decoded, read_metadata(bytes)))
+            Ok((decoded, Metadata::read(bytes)))
         }
-        other => Ok((other.input(path.display())?, read_metadata(bytes))),
+        other => Ok((other.input(path.display())?, Metadata::read(bytes))),
     }
-}
-
-/// What the file `bytes` says of itself.
-pub(crate) fn read_metadata(bytes: &[u8]) -> Metadata {
-    let found = Metadata::read(bytes);
-    #[cfg(feature = "raw")]
-    if found.exposures.is_empty()
-        && formats::is_camera_raw(bytes)
-        && let Ok(raw) = raw::metadata(bytes)
-    {
-        return Metadata::of_exif(raw.exposure_s, found.camera.or(raw.camera));
-    }
-    found
 }

@@ -25,12 +25,31 @@ pub struct Sensing {
 pub struct Found {
     /// Its field of the manifest.
     pub field: &'static str,
-    /// What it is, with its standard uncertainty; `None` for one that the frames do not show,
-    /// and whose value is the largest that a file can hold.
+    /// What it is, with its standard uncertainty; `None` for one that the frames do not show.
     pub estimate: Option<Estimate>,
+    /// What stands for it then, and where that is from.
+    pub instead: (f64, Instead),
+}
+
+/// What stands for a white level that the frames do not show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instead {
+    /// The largest count that a file can hold.
+    Largest,
+    /// What the files state.
+    Stated,
 }
 
 impl Found {
+    /// A number that the frames show.
+    fn shown(field: &'static str, estimate: Estimate) -> Self {
+        Self {
+            field,
+            estimate: Some(estimate),
+            instead: (estimate.value, Instead::Stated),
+        }
+    }
+
     /// The line of the report.
     pub fn line(&self) -> String {
         match self.estimate {
@@ -46,11 +65,17 @@ impl Found {
                     self.field
                 )
             }
-            None => format!(
-                "{} was not given and no samples pile up at the top; {} was assumed",
-                self.field,
-                u16::MAX
-            ),
+            None => {
+                let (value, from) = self.instead;
+                let from = match from {
+                    Instead::Largest => " was assumed",
+                    Instead::Stated => ", which the files state, was taken",
+                };
+                format!(
+                    "{} was not given and no samples pile up at the top; {value}{from}",
+                    self.field
+                )
+            }
         }
     }
 }
@@ -88,22 +113,24 @@ impl Loaded {
             Some(black) => black,
             None => {
                 let black = darks.black_level().input(missing("black_level_dn"))?;
-                found.push(Found {
-                    field: "camera.black_level_dn",
-                    estimate: Some(black),
-                });
+                found.push(Found::shown("camera.black_level_dn", black));
                 black.value
             }
         };
         let white_level_dn = match camera.white_level_dn {
             Some(white) => white,
             None => {
-                let estimate = self.white_level(black_level_dn, monitor)?;
+                let (estimate, stated) = self.white_level(black_level_dn, monitor)?;
+                let instead = match stated {
+                    Some(stated) => (stated, Instead::Stated),
+                    None => (f64::from(u16::MAX), Instead::Largest),
+                };
                 found.push(Found {
                     field: "camera.white_level_dn",
                     estimate,
+                    instead,
                 });
-                estimate.map_or(f64::from(u16::MAX), |e| e.value)
+                estimate.map_or(instead.0, |e| e.value)
             }
         };
         let (mut gain, mut read) = (camera.gain_e_per_dn, camera.read_noise_e);
@@ -118,10 +145,7 @@ impl Loaded {
                 .input(missing(field))?;
             if gain.is_none() {
                 gain = Some(noise.gain_e_per_dn.value);
-                found.push(Found {
-                    field: "camera.gain_e_per_dn",
-                    estimate: Some(noise.gain_e_per_dn),
-                });
+                found.push(Found::shown("camera.gain_e_per_dn", noise.gain_e_per_dn));
             }
             if read.is_none() {
                 // What the frames show is the noise in DN; a gain that is given makes it
@@ -132,10 +156,7 @@ impl Loaded {
                     u: noise.read_noise_e.u * factor,
                 };
                 read = Some(estimate.value);
-                found.push(Found {
-                    field: "camera.read_noise_e",
-                    estimate: Some(estimate),
-                });
+                found.push(Found::shown("camera.read_noise_e", estimate));
             }
         }
         Ok(Sensing {
@@ -170,20 +191,30 @@ impl Loaded {
         Ok(())
     }
 
-    fn white_level(&self, black_dn: f64, monitor: &dyn Monitor) -> Result<Option<Estimate>> {
+    /// What the frames show of the white level, and what their files state of it.
+    fn white_level(
+        &self,
+        black_dn: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<(Option<Estimate>, Option<f64>)> {
         let mut white = White::new(black_dn);
-        for subject in [Subject::Sample, Subject::Reference] {
+        let mut seen = [Consistency::default(), Consistency::default()];
+        for (subject, seen) in [Subject::Sample, Subject::Reference]
+            .into_iter()
+            .zip(&mut seen)
+        {
             white.restart();
             for entry in by_exposure(self.entries(subject).0) {
                 monitor.check()?;
-                let frame = self.frame(entry, &mut vec![], &mut Consistency::default())?;
+                let frame = self.frame(entry, &mut vec![], seen)?;
                 white
                     .add(&frame, entry.exposure_s)
                     .input(self.place(&entry.file))?;
                 monitor.step();
             }
         }
-        Ok(white.white_level())
+        let stated = seen.iter().filter_map(Consistency::white_level_dn);
+        Ok((white.white_level(), stated.reduce(f64::min)))
     }
 
     fn noise(

@@ -32,17 +32,6 @@ pub struct RawFrame {
     pub white_level_dn: f64,
 }
 
-/// What a RAW file says of how it was taken.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RawMetadata {
-    /// Exposure time, s.
-    pub exposure_s: Option<f64>,
-    /// Sensitivity as ISO 12232 has it.
-    pub iso: Option<u32>,
-    /// Maker and model.
-    pub camera: Option<String>,
-}
-
 /// A RAW file cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -97,32 +86,6 @@ pub fn decode(bytes: &[u8]) -> Result<RawFrame, RawError> {
     let image = contained(|| rawler::decode(&source, &RawDecodeParams::default()))?;
     check_size(&image, bytes.len())?;
     frame(image)
-}
-
-/// What the RAW file `bytes` says of how it was taken.
-///
-/// # Errors
-///
-/// [`RawError`]: a camera that is not known, or a damaged file.
-pub fn metadata(bytes: &[u8]) -> Result<RawMetadata, RawError> {
-    let source = RawSource::new_from_slice(bytes);
-    let found = contained(|| {
-        let decoder = rawler::get_decoder(&source)?;
-        decoder.raw_metadata(&source, &RawDecodeParams::default())
-    })?;
-    let exif = &found.exif;
-    let seconds = exif
-        .exposure_time
-        .map(|time| f64::from(time.n) / f64::from(time.d));
-    let name = format!("{} {}", found.make.trim(), found.model.trim());
-    Ok(RawMetadata {
-        exposure_s: seconds.filter(|s| *s > 0.0 && s.is_finite()),
-        iso: exif
-            .iso_speed
-            .or(exif.recommended_exposure_index)
-            .or(exif.iso_speed_ratings.map(u32::from)),
-        camera: Some(name.trim().to_owned()).filter(|name| !name.is_empty()),
-    })
 }
 
 /// What `decoder` gives, its panics turned into errors.

@@ -53,11 +53,6 @@ pub(super) enum Found {
     Odd(Oddity),
 }
 
-/// Whether the file's picture wants a decoder of its maker's.
-pub(super) fn is_foreign(bytes: &[u8]) -> bool {
-    matches!(find(bytes), Some(Found::Foreign(_)))
-}
-
 /// The undeveloped picture of the file, if it has one.
 pub(super) fn find(bytes: &[u8]) -> Option<Found> {
     let file = File::open(bytes)?;

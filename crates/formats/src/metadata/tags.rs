@@ -8,6 +8,7 @@ const MODEL: u16 = 272;
 const SUB_DIRECTORIES: u16 = 330;
 const EXPOSURE_TIME: u16 = 33434;
 const EXIF: u16 = 34665;
+const ISO: u16 = 34855;
 const SHUTTER_SPEED: u16 = 37377;
 const SERIAL_NUMBER: u16 = 42033;
 const MICRO_MANAGER: u16 = 51123;
@@ -53,8 +54,12 @@ pub(super) fn read(bytes: &[u8]) -> Metadata {
         let unit = TimeUnit::Milliseconds;
         exposures.extend(in_seconds(Source::MicroManager, "Exposure-ms", value, unit));
     }
+    let iso = [&exif, &first]
+        .into_iter()
+        .find_map(|directory| file.whole(directory.get(ISO)?));
     Metadata {
         exposures,
+        iso,
         camera: camera([
             file.text(first.get(MAKE)),
             file.text(first.get(MODEL)),

@@ -1,0 +1,71 @@
+//! Files of cameras and of an independent writer, whole, cut short and damaged.
+
+#![cfg(feature = "rawler")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
+
+use cap::Cap;
+use physics::Samples;
+use std::alloc::System;
+use std::fs;
+use std::path::Path;
+
+/// The camera database of the decoders takes some of it; a size in a header that is believed needs
+/// gigabytes. An allocation beyond this ends the test.
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, 400 << 20);
+
+fn read(name: &str) -> Vec<u8> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/frames/raw");
+    fs::read(folder.join(name)).unwrap()
+}
+
+/// What `fixtures/frames/make.py` compressed: (257 x + 1009 y) mod 2^14, over 4, plus 100, in tiles
+/// of 22 x 16 photosites.
+#[test]
+fn lossless_counts_are_where_they_were_put() {
+    let bytes = read("lossless.dng");
+    let raw = raw::decode(&bytes).unwrap();
+    assert_eq!((raw.frame.width, raw.frame.height), (88, 64));
+    assert_eq!(raw.mosaic.unwrap().to_string(), "GRBG");
+    assert_eq!(raw.white_level_dn, 16383.0);
+    let Samples::U16(samples) = &raw.frame.samples else {
+        panic!("counts are whole numbers");
+    };
+    for (i, found) in samples.iter().enumerate() {
+        let (x, y) = (i % 88 % 22, i / 88 % 16);
+        let expected = (257 * x + 1009 * y) % (1 << 14) / 4 + 100;
+        assert_eq!(usize::from(*found), expected, "{i}");
+    }
+}
+
+#[test]
+fn a_file_cut_at_any_tenth_is_an_error() {
+    for name in ["lossless.dng", "canon-r6.cr3", "fujifilm_x_t1_01.raf.meta"] {
+        let bytes = read(name);
+        for tenth in 0..10 {
+            let cut = &bytes[..bytes.len() * tenth / 10];
+            assert!(raw::decode(cut).is_err(), "{name}: {tenth} tenths");
+        }
+    }
+}
+
+/// In every place of the directory of the DNG.
+#[test]
+fn a_size_beyond_the_file_is_not_believed() {
+    let bytes = read("lossless.dng");
+    let mut refused = 0;
+    for at in 0..320 {
+        for size in [0x8000_0000_u32, u32::MAX] {
+            let mut damaged = bytes.clone();
+            damaged[at..at + 4].copy_from_slice(&size.to_le_bytes());
+            match raw::decode(&damaged) {
+                Ok(raw) => assert!(raw.frame.samples.len() <= 32 * bytes.len(), "{at}"),
+                Err(_) => refused += 1,
+            }
+        }
+    }
+    assert!(refused > 50, "{refused}");
+}
