@@ -78,7 +78,7 @@ pub(crate) fn camera_angle(
         });
     }
     let (width, height) = (white.width, white.height);
-    let spot = find_center(&white.channels[0], width, height)
+    let spot = find_center(&white.channel(0), width, height)
         .input(format!("{}: reference", loaded.input.path.display()))?;
     let found = view.tilt(spot);
     let found_deg = found.to_degrees();
