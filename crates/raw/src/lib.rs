@@ -6,7 +6,8 @@
 //! its colour filter array.
 //!
 //! `rawler` reads what cameras wrote and may panic on what they did not: every call is contained,
-//! and no size of a header is trusted before the length of the file has vouched for it.
+//! and no size of a picture is trusted before the length of the file has vouched for it. It believes
+//! the counts of TIFF tags, though, so hand it what `formats` has looked through and named camera RAW.
 
 #![cfg(feature = "rawler")]
 
