@@ -109,3 +109,108 @@ fn a_tilted_capture_recovers_the_coefficients() {
         );
     }
 }
+
+/// A mask over a scratch and over what a label hides, a region and sectors: what is left of each ring stands for it.
+#[test]
+fn masks_regions_and_sectors_leave_out_what_they_cover() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sample, manifest) = photograph(folder.path(), &small(), 5);
+    let here = manifest.parent().unwrap();
+    let original = std::fs::read_to_string(&manifest).unwrap();
+    // A label of other brightness on every frame of the sample: columns 200 to 260, rows 40 to 130.
+    let labelled = |x: usize, y: usize| (200..260).contains(&x) && (40..130).contains(&y);
+    for file in std::fs::read_dir(here.join("sample")).unwrap() {
+        let path = file.unwrap().path();
+        if !path
+            .file_name()
+            .unwrap()
+            .to_string_lossy()
+            .starts_with("sample_")
+        {
+            continue;
+        }
+        let bytes = std::fs::read(&path).unwrap();
+        let mut frame = formats::decode_frame(&bytes).unwrap().frame;
+        let mut samples: Vec<u16> = frame.samples.to_f32().iter().map(|v| *v as u16).collect();
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let pixel = i / frame.channels;
+            if labelled(pixel % frame.width, pixel / frame.width) {
+                *sample = 200 + (*sample).saturating_sub(200) / 3;
+            }
+        }
+        frame.samples = samples.into();
+        let mut bytes = std::io::Cursor::new(vec![]);
+        formats::encode_tiff(&frame, &mut bytes).unwrap();
+        std::fs::write(&path, bytes.into_inner()).unwrap();
+    }
+    let mask: Vec<u16> = (0..320 * 320)
+        .map(|i| u16::from(labelled(i % 320, i / 320)))
+        .collect();
+    let mask = physics::Frame {
+        width: 320,
+        height: 320,
+        channels: 1,
+        samples: mask.into(),
+    };
+    let mut bytes = std::io::Cursor::new(vec![]);
+    formats::encode_tiff(&mask, &mut bytes).unwrap();
+    std::fs::write(here.join("label.tif"), bytes.into_inner()).unwrap();
+    let with = |keys: &str| {
+        let text = original.replacen("[sample]", &format!("[sample]\n{keys}"), 1);
+        std::fs::write(&manifest, text).unwrap();
+        measured(&manifest)
+    };
+    let polygon = "leave_out = [{ polygon_px = [[199.5, 39.5], [259.5, 39.5], [259.5, 129.5], [199.5, 129.5]] }]";
+    let masked = with("mask = \"label.tif\"");
+    println!("{}", check("mask", &sample, &masked.fits));
+    let said = masked.radiance.merge_lines.join("\n");
+    assert!(
+        said.contains("sample: 5400 px (5.27 %) left out by mask label.tif"),
+        "{said}"
+    );
+    let inputs: Vec<&str> = masked
+        .radiance
+        .inputs
+        .iter()
+        .map(|i| i.name.as_str())
+        .collect();
+    assert!(inputs.contains(&"label.tif"), "{inputs:?}");
+    let said = masked.assumptions.join("\n");
+    assert!(
+        said.contains("of the light inside the circle was left out"),
+        "{said}"
+    );
+    // A polygon over the same pixels is the same.
+    let outlined = with(polygon);
+    assert_eq!(outlined.profiles(), masked.profiles());
+    // The half of the picture that the label is not in: rows below the spot.
+    let half = with("sectors_deg = [[5, 175]]");
+    println!("{}", check("sectors", &sample, &half.fits));
+    assert!(
+        half.measured
+            .iter()
+            .all(|m| (0.4..0.65).contains(&m.unseen_share))
+    );
+    // Unmasked, the label is in the profile: the test would notice if nothing were left out.
+    let whole = with("");
+    let of = |m: &Measurement| m.measured[1].total.total_reflectance;
+    assert!((of(&whole) / of(&masked) - 1.0).abs() > 0.002);
+    // Whatever the label hides counts as the rest of its rings: totals agree with the half's.
+    assert!((of(&half) / of(&masked) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn frames_that_moved_are_put_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = Camera {
+        frame_shift_px: 1.5,
+        ..small()
+    };
+    let (sample, manifest) = photograph(folder.path(), &camera, 11);
+    let measurement = measured(&manifest);
+    println!("{}", check("shifted frames", &sample, &measurement.fits));
+    let said = measurement.radiance.merge_lines.join("\n");
+    println!("{said}");
+    let moved = said.matches("moved back by whole pixels").count();
+    assert!(moved > 10, "{said}");
+}

@@ -218,6 +218,46 @@ impl FrameEntry {
     }
 }
 
+/// A part of the picture to be left out, in pixels, (0, 0) the middle of the first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    deny_unknown_fields,
+    expecting = "expected { circle_px = [x, y, radius] } or { polygon_px = [[x, y], …] }"
+)]
+pub enum Region {
+    /// Column and row of its middle, and its radius.
+    Circle {
+        /// The three.
+        circle_px: [f64; 3],
+    },
+    /// What lies inside, counted even and odd.
+    Polygon {
+        /// Its corners, in order.
+        polygon_px: Vec<[f64; 2]>,
+    },
+}
+
+impl Region {
+    /// Whether the middle of pixel (`x`, `y`) lies inside.
+    pub fn contains(&self, x: f64, y: f64) -> bool {
+        match self {
+            Self::Circle {
+                circle_px: [column, row, radius],
+            } => (x - column).hypot(y - row) <= *radius,
+            Self::Polygon { polygon_px } => {
+                let after = polygon_px.iter().cycle().skip(1);
+                let crossings = polygon_px.iter().zip(after).filter(|(a, b)| {
+                    // To the right of the pixel, an edge that starts on one side of its row and ends on the other.
+                    (a[1] > y) != (b[1] > y)
+                        && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+                });
+                crossings.count() % 2 == 1
+            }
+        }
+    }
+}
+
 /// `[sample]`: the frames of the sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -227,6 +267,16 @@ pub struct Sample<F = Vec<FrameEntry>> {
     /// Index of the sample over that of what lies below a slab; `eta` where absent, 1 where the
     /// sample stands in something of its own index.
     pub eta_below: Option<f64>,
+    /// A picture whose pixels above 0 are left out, relative to the folder of the manifest.
+    pub mask: Option<String>,
+    /// What else is left out.
+    #[serde(default)]
+    pub leave_out: Vec<Region>,
+    /// Azimuths about the spot that take part, degrees, each from its first angle to its second:
+    /// 0 is toward increasing columns, 90 toward increasing rows; with corners, toward increasing
+    /// x and y on the surface. All where empty.
+    #[serde(default)]
+    pub sectors_deg: Vec<[f64; 2]>,
     /// Frames with the beam on.
     pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.
@@ -279,6 +329,11 @@ pub struct Reference<F = Vec<FrameEntry>> {
     pub sigma_a_per_mm: Option<PerChannel>,
     /// Relative index of the white itself; [`DEFAULT_REFERENCE_ETA`] where absent.
     pub eta: Option<f64>,
+    /// As that of the sample.
+    pub mask: Option<String>,
+    /// As that of the sample.
+    #[serde(default)]
+    pub leave_out: Vec<Region>,
     /// Frames with the beam on.
     pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.

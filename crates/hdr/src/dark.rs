@@ -79,6 +79,21 @@ impl DarkFrame {
         self.exposure_s
     }
 
+    /// The sum, DN.
+    pub(crate) fn sum(&self) -> &Samples {
+        &self.sum
+    }
+
+    /// The same with another sum.
+    pub(crate) fn with_sum(&self, sum: Samples) -> Self {
+        Self {
+            size: self.size,
+            exposure_s: self.exposure_s,
+            count: self.count,
+            sum,
+        }
+    }
+
     /// Width, height and channels.
     pub(crate) fn size(&self) -> (usize, usize, usize) {
         self.size

@@ -16,6 +16,7 @@
 //! | [`estimate`] | gain, read noise, black and white level from the frames themselves |
 //! | [`mosaic`] | a colour filter array, merged photosite by photosite |
 //! | [`overlap`] | what frames say of each other: measured exposures, shifts |
+//! | [`registration`] | frames that moved, put back |
 //! | [`response`] | the curve of a camera that gives 8 bits |
 //! | [`error`] | [`MergeError`], [`EstimateError`] |
 
@@ -27,6 +28,7 @@ pub mod merge;
 pub mod mosaic;
 mod net;
 pub mod overlap;
+pub mod registration;
 pub mod response;
 
 pub use dark::DarkFrame;

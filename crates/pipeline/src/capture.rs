@@ -9,7 +9,7 @@ use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
 use formats::{Capture, Decoded, Depth, parse_manifest};
 use hdr::overlap::Placed;
-use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap};
+use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap, registration};
 use physics::{Frame, Mosaic, RadianceMap, Sensor};
 use std::path::{Path, PathBuf};
 
@@ -67,7 +67,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    fn field(self) -> &'static str {
+    pub(crate) fn field(self) -> &'static str {
         match self {
             Self::Sample => "sample",
             Self::Reference => "reference",
@@ -107,8 +107,29 @@ const WRONG_EXPOSURE: f64 = 0.2;
 /// Relative deviation of an exposure from which it is named.
 const NAMED_EXPOSURE: f64 = 0.02;
 
-/// Shift of a frame that is too much, px.
+/// Shift of a frame from which it is named, px.
 const SHIFTED_PX: f64 = 0.2;
+
+/// Rounds of moving frames back: a shift of many pixels is measured too short at first.
+const REGISTRATIONS: usize = 8;
+
+/// What may be left of a shift after that, px: half a pixel along both axes.
+const REMAINING_PX: f64 = 0.8;
+
+/// What one pass over the frames gives.
+type Pass = (RadianceMap, MergeReport, Vec<Input>, Consistency);
+
+/// By how many whole pixels each frame has to move to be where the others are.
+fn moves_back(comparison: &Comparison) -> Vec<[i32; 2]> {
+    let frames = comparison.frames.iter();
+    frames
+        .map(|placed| match placed.shifted(SHIFTED_PX) {
+            // A shift beyond any frame is no measurement.
+            Some(length) if length < 1e4 => placed.shift_px.map(|s| -(s.value.round() as i32)),
+            _ => [0; 2],
+        })
+        .collect()
+}
 
 /// Passes interruptions on and says nothing of its progress.
 struct Quiet<'a>(&'a dyn Monitor);
@@ -160,7 +181,11 @@ impl Loaded {
             .into_iter()
             .flatten()
             .map(|entry| self.folder.join(&entry.file));
-        frames.chain([self.input.path.clone()]).collect()
+        let masks = [&sample.mask, &reference.mask].into_iter().flatten();
+        frames
+            .chain(masks.map(|mask| self.folder.join(mask)))
+            .chain([self.input.path.clone()])
+            .collect()
     }
 
     /// Merges the frames of `subject`, one exposure after the other.
@@ -175,22 +200,36 @@ impl Loaded {
         sensor: &Sensor,
         monitor: &dyn Monitor,
     ) -> Result<Merged> {
-        let mut overlap = Overlap::new(sensor);
-        let merged = self.merge_as(subject, sensor, monitor, |entry, _, frame, dark| {
-            overlap
-                .add(frame, dark, entry.exposure_s)
-                .input(self.place(&entry.file))?;
-            Ok(entry.exposure_s)
-        })?;
-        let mut comparison = overlap.finish();
-        if let Some(mosaic) = merged.3.mosaic() {
-            comparison = hdr::mosaic::in_pixels(&mosaic, comparison);
+        let (frames, _) = self.entries(subject);
+        let mut moves = vec![[0; 2]; frames.len()];
+        let (mut merged, mut comparison) = self.compare(subject, sensor, monitor, &moves)?;
+        let mosaic = merged.3.mosaic();
+        if let Some(mosaic) = &mosaic {
+            comparison = hdr::mosaic::in_pixels(mosaic, comparison);
         }
-        self.check_frames(subject, &comparison)?;
+        // Photosites of one colour are more than a pixel apart: their frames are not moved.
+        let rounds = if mosaic.is_none() { REGISTRATIONS } else { 0 };
+        for _ in 0..rounds {
+            let further = moves_back(&comparison);
+            if further.iter().all(|step| *step == [0; 2]) {
+                break;
+            }
+            for (all, [right, down]) in moves.iter_mut().zip(further) {
+                *all = [all[0] + right, all[1] + down];
+            }
+            (merged, comparison) = self.compare(subject, sensor, &Quiet(monitor), &moves)?;
+        }
+        let limit_px = if mosaic.is_none() {
+            REMAINING_PX
+        } else {
+            SHIFTED_PX
+        };
+        self.check_frames(subject, &comparison, limit_px)?;
         let uses_measured = comparison.prefers_measured();
         let (map, report, inputs, seen) = if uses_measured {
             // The frames once more, each as long as the others say that it was.
-            self.merge_as(subject, sensor, &Quiet(monitor), |_, index, _, _| {
+            let quiet = Quiet(monitor);
+            self.merge_as(subject, sensor, &quiet, &moves, |_, index, _, _| {
                 Ok(comparison.frames[index].measured_s)
             })?
         } else {
@@ -200,26 +239,82 @@ impl Loaded {
             Some(mosaic) => hdr::mosaic::unfolded(&mosaic, map, &report),
             None => (map, report),
         };
-        let (frames, _) = self.entries(subject);
+        let kind = seen.kind();
+        let mut notes = seen.notes(frames, sensor.white_level_dn);
+        notes.extend(self.shift_notes(subject, &comparison, &moves));
         Ok(Merged {
             map,
             report,
-            kind: seen.kind(),
-            notes: seen.notes(frames, sensor.white_level_dn),
+            kind,
+            notes,
             inputs,
             comparison,
             uses_measured,
         })
     }
 
-    /// One pass over the frames; `exposure` says how long each was exposed.
+    /// One pass over the frames, each moved by its `moves`, that merges and compares them.
+    fn compare(
+        &self,
+        subject: Subject,
+        sensor: &Sensor,
+        monitor: &dyn Monitor,
+        moves: &[[i32; 2]],
+    ) -> Result<(Pass, Comparison)> {
+        let mut overlap = Overlap::new(sensor);
+        let merged = self.merge_as(subject, sensor, monitor, moves, |entry, _, frame, dark| {
+            overlap
+                .add(frame, dark, entry.exposure_s)
+                .input(self.place(&entry.file))?;
+            Ok(entry.exposure_s)
+        })?;
+        Ok((merged, overlap.finish()))
+    }
+
+    /// What became of frames that were shifted.
+    fn shift_notes(
+        &self,
+        subject: Subject,
+        comparison: &Comparison,
+        moves: &[[i32; 2]],
+    ) -> Vec<String> {
+        let entries = by_exposure(self.entries(subject).0);
+        let frames = entries.iter().zip(&comparison.frames).zip(moves);
+        frames
+            .filter_map(|((entry, placed), [right, down])| {
+                let [x, y] = placed.shift_px;
+                let rest = x.value.hypot(y.value);
+                let file = &entry.file;
+                if *right != 0 || *down != 0 {
+                    let (across, along) = (x.value - f64::from(*right), y.value - f64::from(*down));
+                    Some(format!(
+                        "{file}: shifted by {across:+.2} px right and {along:+.2} down against the other \
+                         frames; moved back by whole pixels, which keeps its noise as it is, and the {rest:.2} px \
+                         that are left stay in the picture as blur"
+                    ))
+                } else {
+                    placed.shifted(SHIFTED_PX).map(|_| {
+                        format!(
+                            "{file}: shifted by {:+.2} px right and {:+.2} down against the other frames, \
+                             less than a pixel: left as it is, as blur",
+                            x.value, y.value
+                        )
+                    })
+                }
+            })
+            .collect()
+    }
+
+    /// One pass over the frames, each moved by its `moves`; `exposure` says how long each was
+    /// exposed.
     fn merge_as(
         &self,
         subject: Subject,
         sensor: &Sensor,
         monitor: &dyn Monitor,
+        moves: &[[i32; 2]],
         mut exposure: impl FnMut(&FrameEntry, usize, &Frame, &DarkFrame) -> Result<f64>,
-    ) -> Result<(RadianceMap, MergeReport, Vec<Input>, Consistency)> {
+    ) -> Result<Pass> {
         let mut merge: Option<Merge> = None;
         let (inputs, seen) = self.with_darks(subject, monitor, |entry, frame, dark, index| {
             let merge = match &mut merge {
@@ -229,6 +324,9 @@ impl Loaded {
                         .input(self.place(&entry.file))?,
                 ),
             };
+            let by = moves[index];
+            let back = (by != [0; 2]).then(|| (registration::moved(frame, by), dark.moved(by)));
+            let (frame, dark) = back.as_ref().map_or((frame, dark), |(f, d)| (f, d));
             let measured_s = exposure(entry, index, frame, dark)?;
             merge
                 .add_measured(frame, dark, entry.exposure_s, measured_s)
@@ -241,7 +339,7 @@ impl Loaded {
     }
 
     /// Refuses a frame that does not belong to the others.
-    fn check_frames(&self, subject: Subject, comparison: &Comparison) -> Result<()> {
+    fn check_frames(&self, subject: Subject, comparison: &Comparison, limit_px: f64) -> Result<()> {
         let entries = by_exposure(self.entries(subject).0);
         for (entry, placed) in entries.iter().zip(&comparison.frames) {
             let place = self.place(&entry.file);
@@ -255,13 +353,13 @@ impl Loaded {
                 );
                 return Err(Error::new(Kind::Input, message));
             }
-            if let Some(length) = placed.shifted(SHIFTED_PX) {
+            if let Some(length) = placed.shifted(limit_px) {
                 let [x, y] = placed.shift_px;
                 let message = format!(
-                    "{place}: shifted by {length:.2} px ({:+.2} right, {:+.2} down) against the other frames of {}: expected less than {SHIFTED_PX} px; fix camera and sample, and leave the frame out",
+                    "{place}: shifted against the other frames of {}, and moved back as far as that could be measured it is still off by {length:.2} px ({:+.2} right, {:+.2} down): expected less than {limit_px} px; fix camera and sample, and leave the frame out",
+                    subject.field(),
                     x.value,
-                    y.value,
-                    subject.field()
+                    y.value
                 );
                 return Err(Error::new(Kind::Input, message));
             }

@@ -2,9 +2,10 @@
 
 use crate::capture::Loaded;
 use crate::error::{Blame, Error, Kind, Result};
+use crate::measure::Radiance;
 use formats::capture::{self as manifest, Exit};
 use physics::{RadianceMap, fresnel};
-use profile::{View, find_center};
+use profile::{GlowCenter, ProfileOptions, View, find_center, glow_center};
 
 /// Degrees by which a stated angle may differ from that of the corners before it is named.
 const NAMED_ANGLE_DEG: f64 = 3.0;
@@ -117,4 +118,91 @@ pub(crate) fn camera_angle(
         }
     }
     Ok(CameraAngle { angle, lines })
+}
+
+/// What the profiles are taken about.
+#[derive(Clone, Debug)]
+pub struct Centers {
+    /// Of each channel, px; `None` has it found.
+    pub px: Vec<Option<[f64; 2]>>,
+    /// Under an oblique beam, where each channel's glow is centred.
+    pub glow: Vec<GlowCenter>,
+    /// What is to be said of it, in sentences.
+    pub lines: Vec<String>,
+}
+
+/// Radii between which a glow's centre is looked for, over that of the largest circle: clear of the
+/// beam, and not where noise is all.
+const GLOW_RADII: (f64, f64) = (0.08, 0.6);
+
+/// The centres about which profiles are taken: what the manifest states, or the spot; under an
+/// oblique beam, the centre of the glow.
+///
+/// Light that enters at an angle is first scattered beside the point of entry, and what leaves far
+/// away is round about the former. Taken about the entry, a ring would see the glow displaced,
+/// which is wrong in second order of displacement over radius. A model that knows the beam's
+/// angle takes it `about_entry` all the same.
+///
+/// # Errors
+///
+/// A channel shows no spot or no glow.
+pub fn centers(loaded: &Loaded, radiance: &Radiance, about_entry: bool) -> Result<Centers> {
+    let capture = &loaded.capture;
+    let stated = capture.geometry.center_px;
+    let map = &radiance.map;
+    let mut centers = Centers {
+        px: vec![stated; radiance.scales.len()],
+        glow: vec![],
+        lines: vec![],
+    };
+    if capture.beam.angle_deg == 0.0 {
+        return Ok(centers);
+    }
+    for (index, center) in centers.px.iter_mut().enumerate() {
+        let channel = &*map.channel(index);
+        let place = || {
+            let path = loaded.input.path.display();
+            format!("{path}: sample, channel {}", channel.name)
+        };
+        let entry = match stated {
+            Some(entry) => entry,
+            None => find_center(channel, map.width, map.height).input(place())?,
+        };
+        let [x, y] = entry;
+        let right = map.width as f64 - 0.5 - x;
+        let below = map.height as f64 - 0.5 - y;
+        let reach = right.min(below).min(x + 0.5).min(y + 0.5);
+        let reach_mm = reach.max(0.0) * radiance.view.mm_per_pixel(entry);
+        let options = ProfileOptions {
+            view: radiance.view,
+            center_px: Some(entry),
+            ..ProfileOptions::default()
+        };
+        let (from, to) = GLOW_RADII;
+        let radii = (from * reach_mm, to * reach_mm);
+        let glow = glow_center(channel, map.width, map.height, &options, radii).input(place())?;
+        let about = if stated.is_some() {
+            "center_px, as stated"
+        } else if about_entry {
+            *center = Some(entry);
+            "the entry, as the model wants it"
+        } else {
+            *center = Some(glow.px);
+            "the glow"
+        };
+        let [right, down] = glow.displacement_mm;
+        centers.lines.push(format!(
+            "{}: the beam comes at {} degrees and enters at ({x:.2}, {y:.2}) px, as its bright part has \
+             it; the glow is centred at ({:.2}, {:.2}) px, {:.4} ± {:.4} mm away; the profile was taken \
+             about {about}",
+            channel.name,
+            capture.beam.angle_deg,
+            glow.px[0],
+            glow.px[1],
+            right.hypot(down),
+            glow.u_mm[0].max(glow.u_mm[1])
+        ));
+        centers.glow.push(glow);
+    }
+    Ok(centers)
 }

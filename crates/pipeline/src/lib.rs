@@ -47,6 +47,7 @@ pub mod medium;
 pub mod monitor;
 pub mod outputs;
 mod reading;
+mod regions;
 pub mod sensing;
 pub mod simulation;
 pub mod sphere;

@@ -10,6 +10,7 @@ use crate::fitting::{self, Given, ScaleInput};
 use crate::geometry;
 use crate::library::{ModelChoice, SlabChoice};
 use crate::monitor::Monitor;
+use crate::regions;
 use crate::sensing::{Found, Sensing};
 use crate::verdict::{self, Verdict};
 use fit::{Constraint, Fit};
@@ -140,6 +141,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     monitor.begin("merging", steps);
     // One after the other: each uses all threads, and one picture at a time is in memory.
     let mut reference = loaded.merge(Subject::Reference, &sensor, monitor)?;
+    loaded.leave_out(Subject::Reference, &mut reference)?;
     let view = loaded.view()?;
     let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
     let exit = exit(&loaded.capture, camera_angle.angle);
@@ -147,7 +149,8 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     for channel in &mut reference.map.channels {
         (channel.value, channel.variance) = (vec![], vec![]);
     }
-    let sample = loaded.merge(Subject::Sample, &sensor, monitor)?;
+    let mut sample = loaded.merge(Subject::Sample, &sensor, monitor)?;
+    loaded.leave_out(Subject::Sample, &mut sample)?;
     let count = sample.map.names().len();
     if count != whites.len() {
         let message = format!(
@@ -284,7 +287,9 @@ impl Radiance {
 
 /// Profile and total of every channel of a picture in mm⁻².
 ///
-/// `u_scale_relative` has one number for each channel.
+/// `u_scale_relative` has one number for each channel, and so has `centers_px`, `None` for a centre
+/// that is to be found; `sectors_deg` are the azimuths about the
+/// spot that take part, all where there is none.
 ///
 /// # Errors
 ///
@@ -294,21 +299,32 @@ pub fn profiles(
     map: &RadianceMap,
     u_scale_relative: &[f64],
     view: View,
-    center_px: Option<[f64; 2]>,
+    centers_px: &[Option<[f64; 2]>],
+    sectors_deg: &[[f64; 2]],
 ) -> Result<Vec<Measured>> {
     u_scale_relative
         .iter()
         .enumerate()
         .map(|(index, &u_scale_relative)| {
             let channel = &*map.channel(index);
+            let center_px = centers_px.get(index).copied().flatten();
+            let place = || format!("channel {}", channel.name);
+            let size = (map.width, map.height);
+            let kept = (!sectors_deg.is_empty())
+                .then(|| regions::within_sectors(channel, size, &view, center_px, sectors_deg))
+                .transpose()
+                .input(place())?;
+            let (seen, center_px) = match &kept {
+                Some((seen, center)) => (seen, Some(*center)),
+                None => (channel, center_px),
+            };
             let options = ProfileOptions {
                 view,
                 center_px,
                 u_scale_relative,
                 ..ProfileOptions::default()
             };
-            profile::radial_profile(channel, map.width, map.height, &options)
-                .input(format!("channel {}", channel.name))
+            profile::radial_profile(seen, size.0, size.1, &options).input(place())
         })
         .collect()
 }
@@ -329,11 +345,13 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     monitor.check()?;
     monitor.begin("fitting", radiance.scales.len() as u64);
     let u_scales: Vec<f64> = radiance.scales.iter().map(|s| s.u_relative).collect();
+    let centers = geometry::centers(loaded, &radiance, model.uses_beam())?;
     let measured = profiles(
         &radiance.map,
         &u_scales,
         radiance.view,
-        capture.geometry.center_px,
+        &centers.px,
+        &capture.sample.sectors_deg,
     )
     .map_err(|e| e.within(format!("{}: sample", place())))?;
 
@@ -399,7 +417,12 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let materials = fitting::materials(&fits, &capture.material, &given)?;
     Ok(Measurement {
         material: capture.material.clone(),
-        assumptions: assumptions(capture, &given.model, &radiance.estimated),
+        assumptions: {
+            let mut lines = assumptions(capture, &given.model, &radiance.estimated);
+            lines.extend(centers.lines);
+            lines.extend(unseen(&radiance.scales, &measured));
+            lines
+        },
         radiance,
         measured,
         given,
@@ -470,6 +493,18 @@ impl Measurement {
     pub fn totals(&self) -> Vec<TotalReflectance> {
         self.measured.iter().map(|m| m.total.clone()).collect()
     }
+}
+
+/// What was left out of the white and of the sample, channel by channel.
+fn unseen(scales: &[Scale], measured: &[Measured]) -> Vec<String> {
+    let both = scales.iter().zip(measured).flat_map(|(scale, m)| {
+        let name = &m.total.channel;
+        [
+            regions::unseen_line(name, "sample", m.unseen_share),
+            regions::unseen_line(name, "reference", scale.unseen_share),
+        ]
+    });
+    both.flatten().collect()
 }
 
 fn exit(capture: &manifest::Capture, angle: f64) -> Exit {
@@ -578,8 +613,8 @@ fn assumptions(
         );
     } else if capture.beam.angle_deg > 0.0 {
         lines.push(
-            "beam.angle_deg acts on the light that enters alone; the glow was taken as that of a \
-             beam along the normal"
+            "the glow of the oblique beam was taken as that of a beam along the normal, displaced: \
+             its sources lie less deep, which no model here has"
                 .to_owned(),
         );
     }

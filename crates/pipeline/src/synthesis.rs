@@ -228,6 +228,9 @@ fn manifest_of(
         },
         sample: manifest::Sample {
             thickness_mm: None,
+            mask: None,
+            leave_out: vec![],
+            sectors_deg: vec![],
             eta_below: None,
             frames: entries(Role::Sample),
             dark: entries(Role::SampleDark),
@@ -238,6 +241,8 @@ fn manifest_of(
             sigma_s_prime_per_mm: per_channel(white.sigma_s_prime_per_mm(camera.channels)),
             sigma_a_per_mm: per_channel(white.sigma_a_per_mm(camera.channels)),
             eta: Some(white.eta),
+            mask: None,
+            leave_out: vec![],
             frames: entries(Role::Reference),
             dark: entries(Role::ReferenceDark),
         },

@@ -75,6 +75,12 @@ impl Curve {
         self.cubics[ring]
     }
 
+    /// Its derivative there by `tau`.
+    pub(crate) fn slope(&self, ring: usize, tau: f64) -> f64 {
+        let [_, b, c, d] = self.cubics[ring];
+        b + tau * (2.0 * c + tau * 3.0 * d)
+    }
+
     /// The mean over points of `ring` with these moments.
     pub(crate) fn mean(&self, ring: usize, moments: &Moments) -> f64 {
         self.cubics[ring]

@@ -19,6 +19,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`center`] | [`find_center`] |
+//! | [`glow`] | [`glow_center`]: what a glow is round about, under an oblique beam |
 //! | [`moments`] | [`beam_moments`]: centre and width after ISO 11146 |
 //! | [`radial`] | [`radial_profile`] |
 //! | [`mod@slice`] | [`slice_profile`] |
@@ -29,6 +30,7 @@
 pub mod center;
 mod curve;
 pub mod error;
+pub mod glow;
 pub mod moments;
 pub mod radial;
 mod rings;
@@ -40,6 +42,7 @@ pub mod view;
 
 pub use center::find_center;
 pub use error::ProfileError;
+pub use glow::{GlowCenter, glow_center};
 pub use moments::{Background, BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};

@@ -106,6 +106,13 @@ impl View {
         [x / w, y / w]
     }
 
+    /// The point of the picture at which `mm` on the surface is seen, px.
+    pub fn at_px(&self, mm: [f64; 2]) -> [f64; 2] {
+        let back = adjugate(&self.matrix);
+        let [x, y, w] = back.map(|row| row[0] * mm[0] + row[1] * mm[1] + row[2]);
+        [x / w, y / w]
+    }
+
     /// Whether the surface is in front of the camera at `px`, as it is at the origin.
     pub(crate) fn is_in_front(&self, px: [f64; 2]) -> bool {
         // The origin has 1.
@@ -268,6 +275,11 @@ mod tests {
         for (px, mm) in PX.iter().zip(&MM) {
             let [x, y] = view.at_mm(*px);
             assert!((x - mm[0]).hypot(y - mm[1]) < 1e-10, "{px:?}: {x}, {y}");
+            let [column, row] = view.at_px(*mm);
+            assert!(
+                (column - px[0]).hypot(row - px[1]) < 1e-9,
+                "{mm:?}: {column}, {row}"
+            );
         }
         let at = |t: f64| {
             view.at_mm([

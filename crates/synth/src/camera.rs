@@ -134,6 +134,9 @@ pub struct Camera {
     /// Standard deviation of the shutter: every frame with the beam on is exposed longer or
     /// shorter by its own draw, relative to what the manifest states. Default 0.
     pub exposure_error_relative: f64,
+    /// Standard deviation, along each axis, of the camera's shift from frame to frame, px: every frame
+    /// with the beam on has its own. Default 0.
+    pub frame_shift_px: f64,
     /// Frames with the beam blocked for every frame with the beam on. Default 1.
     pub darks_per_exposure: usize,
     /// Bits of the converter: 16 (the default), or 12, right-aligned.
@@ -195,6 +198,7 @@ impl Default for Camera {
                 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0,
             ],
             exposure_error_relative: 0.0,
+            frame_shift_px: 0.0,
             darks_per_exposure: 1,
             bits: 16,
             gain_e_per_dn: None,
@@ -325,6 +329,7 @@ impl Camera {
                 0.0,
                 0.1,
             ),
+            ("frame_shift_px", self.frame_shift_px, 0.0, 10.0),
             ("full_well_e", self.full_well_e, 100.0, 1e7),
             ("gain_e_per_dn", self.gain_e_per_dn(), 1e-3, 1e5),
             ("read_noise_e", self.read_noise_e, 0.0, 1e4),

@@ -61,6 +61,10 @@ pub struct Capture {
     /// Electrons per second, channels interleaved.
     sample_e_per_s: Vec<f32>,
     reference_e_per_s: Vec<f32>,
+    view: View,
+    /// What makes the light of each channel of the sample and of the reference, where every frame
+    /// is shifted by its own: the glow, and electrons per second for 1 mm⁻².
+    glows: [Vec<(Glow, f64)>; 2],
 }
 
 impl Capture {
@@ -110,6 +114,7 @@ impl Capture {
         let mut sample_e_per_s = vec![0.0; samples];
         let mut reference_e_per_s = vec![0.0; samples];
         let mut channels = vec![];
+        let mut glows = [vec![], vec![]];
         for (index, name) in camera.channels.names().iter().enumerate() {
             let picture = |of, model: &dyn ForwardModel, at, exit: &ExitFactor, factor: f64| {
                 let glow = Glow::new(model, at, exit, camera.beam(), view.reach_mm());
@@ -117,7 +122,7 @@ impl Capture {
                 let brightest = pixels.iter().fold(0.0_f32, |m, v| m.max(*v));
                 let peak_per_mm2 = f64::from(brightest) * factor;
                 if peak_per_mm2 > 0.0 && peak_per_mm2.is_finite() {
-                    Ok((pixels, peak_per_mm2, factor))
+                    Ok((pixels, peak_per_mm2, factor, glow))
                 } else {
                     Err(SynthError::NoLight {
                         of,
@@ -141,10 +146,16 @@ impl Capture {
                 white_factor,
             )?;
             let signal = camera.peak_e() / camera.shortest_s() / glow.1.max(white_glow.1);
-            for (out, (pixels, _, factor)) in [
+            for ((out, (pixels, _, factor, glow)), glows) in [
                 (&mut sample_e_per_s, glow),
                 (&mut reference_e_per_s, white_glow),
-            ] {
+            ]
+            .into_iter()
+            .zip(&mut glows)
+            {
+                if camera.frame_shift_px > 0.0 {
+                    glows.push((glow, factor * signal));
+                }
                 let light = |pixel: f32| (f64::from(pixel) * factor * signal) as f32;
                 if let Some(mosaic) = camera.mosaic {
                     for (at, (out, pixel)) in out.iter_mut().zip(pixels).enumerate() {
@@ -190,6 +201,8 @@ impl Capture {
             truth,
             sample_e_per_s,
             reference_e_per_s,
+            view,
+            glows,
         })
     }
 
@@ -241,11 +254,13 @@ impl Capture {
 
     /// The frame of one shot: the same for the same shot, whatever was exposed before.
     pub fn expose(&self, shot: &Shot) -> Frame {
-        let light = match shot.role {
-            Role::Sample => Some(&self.sample_e_per_s[..]),
-            Role::Reference => Some(&self.reference_e_per_s[..]),
-            Role::SampleDark | Role::ReferenceDark => None,
+        let (still, glows) = match shot.role {
+            Role::Sample => (Some(&self.sample_e_per_s[..]), &self.glows[0]),
+            Role::Reference => (Some(&self.reference_e_per_s[..]), &self.glows[1]),
+            Role::SampleDark | Role::ReferenceDark => (None, &self.glows[0]),
         };
+        let shifted = (still.is_some() && !glows.is_empty()).then(|| self.shifted(glows, shot));
+        let light = shifted.as_deref().or(still);
         let identity = [shot.role as u64, shot.exposure as u64, shot.repeat as u64];
         Frame {
             width: self.camera.width,
@@ -261,6 +276,35 @@ impl Capture {
                 )
                 .into(),
         }
+    }
+
+    /// The light of a shot whose camera has moved, electrons per second.
+    fn shifted(&self, glows: &[(Glow, f64)], shot: &Shot) -> Vec<f32> {
+        let identity = [
+            Purpose::Shift as u64,
+            shot.role as u64,
+            shot.exposure as u64,
+        ];
+        let mut rng = stream(self.truth.seed, &identity);
+        let spot = self.view.spot_px;
+        let shift = spot.map(|at| at + self.camera.frame_shift_px * normal(&mut rng));
+        let view = View {
+            spot_px: shift,
+            ..self.view
+        };
+        let count = glows.len();
+        let mut light = vec![0.0; self.camera.width * self.camera.height * count];
+        for (index, (glow, signal)) in glows.iter().enumerate() {
+            for (out, pixel) in light
+                .iter_mut()
+                .skip(index)
+                .step_by(count)
+                .zip(view.picture(glow))
+            {
+                *out = (f64::from(pixel) * signal) as f32;
+            }
+        }
+        light
     }
 
     /// How long the shutter really is open, over what is stated.

@@ -21,6 +21,7 @@ pub(crate) enum Purpose {
     Eta = 4,
     Scale = 5,
     Shutter = 6,
+    Shift = 7,
 }
 
 /// One sensor with its own pixels: the same in every shot.

@@ -37,7 +37,8 @@ struct Picture {
     map: RadianceMap,
     u_scale_relative: Vec<f64>,
     view: View,
-    center_px: Option<[f64; 2]>,
+    centers_px: Vec<Option<[f64; 2]>>,
+    sectors_deg: Vec<[f64; 2]>,
 }
 
 /// Writes the profile of a capture or a radiance map, and its totals beside it.
@@ -68,7 +69,8 @@ pub(crate) fn run(
         &picture.map,
         &picture.u_scale_relative,
         picture.view,
-        picture.center_px,
+        &picture.centers_px,
+        &picture.sectors_deg,
     )
     .map_err(|e| e.within(&place))?;
     let profiles = if args.slice {
@@ -89,11 +91,13 @@ pub(crate) fn run(
 
 fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Picture> {
     let radiance = measure::radiance(loaded, monitor)?;
+    let centers_px = pipeline::geometry::centers(loaded, &radiance, false)?.px;
     Ok(Picture {
         u_scale_relative: radiance.scales.iter().map(|s| s.u_relative).collect(),
         map: radiance.map,
         view: radiance.view,
-        center_px: loaded.capture.geometry.center_px,
+        centers_px,
+        sectors_deg: loaded.capture.sample.sectors_deg.clone(),
     })
 }
 
@@ -116,11 +120,13 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
             ));
         }
     };
+    let centers_px = vec![None; file.scale.len()];
     Ok(Picture {
         u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
         map: file.map.into_owned(),
         view,
-        center_px: None,
+        centers_px,
+        sectors_deg: vec![],
     })
 }
 

@@ -1,7 +1,9 @@
 //! The door through which a manifest enters.
 
 use super::draft::PLACEHOLDER;
-use super::{Capture, FrameEntry, Frames, Geometry, PerChannel, PixelSize, Reference, Sample};
+use super::{
+    Capture, FrameEntry, Frames, Geometry, PerChannel, PixelSize, Reference, Region, Sample,
+};
 use crate::toml_text::{TomlError, parse_toml};
 use std::collections::BTreeMap;
 use std::ops::{Bound, RangeBounds};
@@ -320,6 +322,23 @@ impl Capture<Frames> {
         )?;
         let index = "the index of the sample over that of what lies below, from 0.2 to 5";
         within("sample.eta_below", sample.eta_below, 0.2..=5.0, index)?;
+        check_regions("sample", &sample.leave_out)?;
+        check_regions("reference", &reference.leave_out)?;
+        for (index, [from, to]) in sample.sectors_deg.iter().enumerate() {
+            let field = format!("sample.sectors_deg[{index}]");
+            let angles = "two angles from -360 to 360 degrees that differ, [from, to]";
+            for angle in [from, to] {
+                within(field.clone(), Some(*angle), -360.0..=360.0, angles)?;
+            }
+            if from == to {
+                let (found, expected) = (*to, angles);
+                return Err(CaptureError::Value {
+                    field,
+                    found,
+                    expected,
+                });
+            }
+        }
         let share = "a share above 0 and at most 1.05, as 0.99 for a white of 99 %";
         let whites = (Bound::Excluded(0.0), Bound::Included(1.05));
         within(
@@ -380,6 +399,9 @@ impl Capture<Frames> {
             model: self.model,
             sample: Sample {
                 thickness_mm: sample.thickness_mm,
+                mask: sample.mask,
+                leave_out: sample.leave_out,
+                sectors_deg: sample.sectors_deg,
                 eta_below: sample.eta_below,
                 frames: find("sample.frames", sample.frames)?,
                 dark: find("sample.dark", sample.dark)?,
@@ -390,11 +412,57 @@ impl Capture<Frames> {
                 sigma_s_prime_per_mm: reference.sigma_s_prime_per_mm,
                 sigma_a_per_mm: reference.sigma_a_per_mm,
                 eta: reference.eta,
+                mask: reference.mask,
+                leave_out: reference.leave_out,
                 frames: find("reference.frames", reference.frames)?,
                 dark: find("reference.dark", reference.dark)?,
             },
         })
     }
+}
+
+fn check_regions(section: &str, regions: &[Region]) -> Result<(), CaptureError> {
+    for (index, region) in regions.iter().enumerate() {
+        let field = |key: &str| format!("{section}.leave_out[{index}].{key}");
+        match region {
+            Region::Circle {
+                circle_px: [x, y, radius],
+            } => {
+                for value in [x, y] {
+                    within(
+                        field("circle_px"),
+                        Some(*value),
+                        ..,
+                        "[column, row, radius], pixels",
+                    )?;
+                }
+                within(
+                    field("circle_px"),
+                    Some(*radius),
+                    POSITIVE,
+                    "a radius above 0 pixels",
+                )?;
+            }
+            Region::Polygon { polygon_px } => {
+                for value in polygon_px.iter().flatten() {
+                    within(
+                        field("polygon_px"),
+                        Some(*value),
+                        ..,
+                        "corners [column, row], pixels",
+                    )?;
+                }
+                let corners = polygon_px.len() as f64;
+                within(
+                    field("polygon_px"),
+                    Some(corners),
+                    3.0..,
+                    "at least 3 corners",
+                )?;
+            }
+        }
+    }
+    Ok(())
 }
 
 impl Geometry {

@@ -1,6 +1,8 @@
 //! A manifest as a person would write it: a frame a line, and only what is stated.
 
-use super::{Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel, PixelSize};
+use super::{
+    Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel, PixelSize, Region,
+};
 use crate::toml_text::quoted;
 use std::fmt::Write;
 
@@ -85,6 +87,10 @@ impl Capture {
 
         text.section("sample");
         text.optional("thickness_mm", sample.thickness_mm);
+        text.left_out(sample.mask.as_deref(), &sample.leave_out);
+        if !sample.sectors_deg.is_empty() {
+            text.line("sectors_deg", format!("{:?}", sample.sectors_deg));
+        }
         text.optional("eta_below", sample.eta_below);
         text.frames("frames", &sample.frames);
         text.frames("dark", &sample.dark);
@@ -98,6 +104,7 @@ impl Capture {
         );
         text.per_channel("sigma_a_per_mm", reference.sigma_a_per_mm.as_ref());
         text.optional("eta", reference.eta);
+        text.left_out(reference.mask.as_deref(), &reference.leave_out);
         text.frames("frames", &reference.frames);
         text.frames("dark", &reference.dark);
         text.0
@@ -134,6 +141,20 @@ impl Text {
             None => {}
             Some(PerChannel::All(value)) => self.number(key, *value),
             Some(PerChannel::Each(values)) => self.line(key, format!("{values:?}")),
+        }
+    }
+
+    fn left_out(&mut self, mask: Option<&str>, regions: &[Region]) {
+        if let Some(mask) = mask {
+            self.line("mask", quoted(mask));
+        }
+        let one = |region: &Region| match region {
+            Region::Circle { circle_px } => format!("{{ circle_px = {circle_px:?} }}"),
+            Region::Polygon { polygon_px } => format!("{{ polygon_px = {polygon_px:?} }}"),
+        };
+        if !regions.is_empty() {
+            let list: Vec<String> = regions.iter().map(one).collect();
+            self.line("leave_out", format!("[{}]", list.join(", ")));
         }
     }
 
