@@ -232,7 +232,7 @@ pub(crate) struct BeamArgs {
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Examples:\n  beamspot fit result/profile.csv --eta 1.5 --beam-fwhm 0.3 --mm-per-pixel 0.04\n  beamspot fit curve.csv --eta 1.4 --total G=0.79+-0.01 --u-scale 0.01 --range 1:15"
+    after_help = "Examples:\n  beamspot fit result/profile.csv --eta 1.5 --beam result/beam.csv\n  beamspot fit curve.csv --eta 1.4 --total G=0.79+-0.01 --u-scale 0.01 --range 1:15"
 )]
 pub(crate) struct FitArgs {
     /// The profile; totals.csv beside it is read unless --total is given.
@@ -252,9 +252,12 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL")]
     pub(crate) entry_loss: bool,
     /// Full width at half maximum of the Gaussian beam that the profile was taken with, mm; 0 for
-    /// a point.
-    #[arg(long, default_value_t = 0.0, value_name = "MM", value_parser = length)]
-    pub(crate) beam_fwhm: f64,
+    /// a point. Without it and --beam, a photographed profile is fitted well outside its spot.
+    #[arg(long, value_name = "MM", value_parser = length, conflicts_with = "beam")]
+    pub(crate) beam_fwhm: Option<f64>,
+    /// The beam of each channel as `measure` found it on the white reference.
+    #[arg(long, value_name = "BEAM.csv")]
+    pub(crate) beam: Option<PathBuf>,
     /// Side of the camera's pixels on the sample, mm; 0 for a profile without pixels.
     #[arg(long, default_value_t = 0.0, value_name = "MM", value_parser = length)]
     pub(crate) mm_per_pixel: f64,

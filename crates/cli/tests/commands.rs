@@ -41,6 +41,7 @@ fn measure_writes_everything_and_the_truth_is_in_it() {
     let files = names(&path.join("result"));
     let files: Vec<&str> = files.iter().map(|f| f.to_str().unwrap()).collect();
     let expected = [
+        "beam.csv",
         "fit.json",
         "materials.csv",
         "profile.csv",
@@ -130,10 +131,8 @@ fn the_stages_one_by_one_give_what_measure_gives() {
         "stages/profile.csv",
         "--eta",
         "1.5",
-        "--beam-fwhm",
-        "1",
-        "--mm-per-pixel",
-        "0.3",
+        "--beam",
+        "whole/beam.csv",
         "--discrepancy",
         "false",
         "--json",
@@ -198,8 +197,9 @@ fn the_papers_mode_switches_entry_and_exit_off_together() {
     for (channel, truth) in [(0, 0.032), (1, 0.17), (2, 0.48)] {
         let sigma_a = &document["channels"][channel]["sigma_a_per_mm"];
         let [value, u] = ["value", "u"].map(|key| sigma_a[key].as_f64().unwrap());
+        // Pixels of 0.3 mm show a beam of 1 mm to a percent, and dark skin near it feels that.
         assert!(
-            (value - truth).abs() < 4.0 * u && u < 0.01 * truth,
+            (value - truth).abs() < 4.0 * u && u < 0.05 * truth,
             "{sigma_a}"
         );
     }

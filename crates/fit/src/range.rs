@@ -4,8 +4,6 @@ use crate::options::FitOptions;
 use crate::result::{FitError, Warning};
 use physics::Coefficients;
 
-/// Radii closer than this many standard deviations of the blur see the beam itself.
-const BLURS: f64 = 4.0;
 /// Diffusion holds beyond this many transport lengths 1/σₜ′ (FIELD: bias figures start at 2).
 const TRANSPORT_LENGTHS: f64 = 2.0;
 /// However long the transport length, keep this share of the radii: a fit needs a lever.
@@ -18,7 +16,7 @@ pub(crate) fn contains(range: (f64, f64), (inner, outer): (f64, f64)) -> bool {
 
 /// Everything that is clear of the beam, in a profile that ends at `outer_mm`.
 pub(crate) fn widest(outer_mm: f64, options: &FitOptions) -> Result<(f64, f64), FitError> {
-    let start = BLURS * options.blur.standard_deviation_mm();
+    let start = options.blur.clear_mm();
     if start >= outer_mm {
         return Err(FitError::BeamWiderThanProfile {
             beam_mm: start,
@@ -34,7 +32,7 @@ pub(crate) fn trusted(
     options: &FitOptions,
     found: Coefficients,
 ) -> ((f64, f64), Option<Warning>) {
-    let clear = BLURS * options.blur.standard_deviation_mm();
+    let clear = options.blur.clear_mm();
     let wanted = TRANSPORT_LENGTHS / found.sigma_t_prime();
     let latest = LATEST_START * outer_mm;
     let warning = (wanted > latest).then(|| Warning::StartsNear {

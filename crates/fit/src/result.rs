@@ -298,10 +298,10 @@ pub enum FitError {
     ScaleIsExact,
     /// The beam covers the profile.
     #[error(
-        "the profile ends at {profile_mm} mm, inside the beam ({beam_mm} mm are four standard deviations): give the range, or a narrower beam"
+        "the profile ends at {profile_mm} mm, inside the beam (which is clear from {beam_mm} mm): give the range, or a narrower beam"
     )]
     BeamWiderThanProfile {
-        /// Four standard deviations of the blur, mm.
+        /// Radius from which a profile is clear of the blur, mm.
         beam_mm: f64,
         /// Last radius, mm.
         profile_mm: f64,

@@ -26,6 +26,9 @@ pub const DEFAULT_U_CORNERS_RELATIVE: f64 = 0.005;
 pub const DEFAULT_U_FWHM_RELATIVE: f64 = 0.05;
 /// Standard uncertainty of the white's reflectance given without one.
 pub const DEFAULT_U_REFLECTANCE: f64 = 0.01;
+/// Relative standard uncertainty of the white's own σₛ′ given without one: that of one white to
+/// the next.
+pub const DEFAULT_U_SIGMA_S_PRIME_RELATIVE: f64 = 0.1;
 /// Index of the white reference itself (sintered PTFE) where none is given.
 pub const DEFAULT_REFERENCE_ETA: f64 = 1.3;
 
@@ -121,8 +124,8 @@ pub enum BeamProfile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Beam {
-    /// Full width at half maximum, mm; 0, the default, is a point.
-    pub fwhm_mm: f64,
+    /// Full width at half maximum, mm; 0 is a point. Measured on the white reference where absent.
+    pub fwhm_mm: Option<f64>,
     /// Its standard uncertainty, mm; [`DEFAULT_U_FWHM_RELATIVE`] where absent.
     pub u_fwhm_mm: Option<f64>,
     /// Its shape.
@@ -325,6 +328,9 @@ pub struct Reference<F = Vec<FrameEntry>> {
     /// Reduced scattering coefficient σₛ′ of the white itself, mm⁻¹; an ideal surface where
     /// absent.
     pub sigma_s_prime_per_mm: Option<PerChannel>,
+    /// Relative standard uncertainty of `sigma_s_prime_per_mm`;
+    /// [`DEFAULT_U_SIGMA_S_PRIME_RELATIVE`] where absent.
+    pub u_sigma_s_prime_relative: Option<f64>,
     /// Absorption coefficient σₐ of the white itself, mm⁻¹.
     pub sigma_a_per_mm: Option<PerChannel>,
     /// Relative index of the white itself; [`DEFAULT_REFERENCE_ETA`] where absent.
@@ -374,7 +380,7 @@ impl<F> Capture<F> {
                 self.geometry.u_corners_mm(),
             ),
             (
-                beam.u_fwhm_mm.is_none() && beam.fwhm_mm > 0.0,
+                beam.u_fwhm_mm.is_none() && beam.fwhm_mm.is_some_and(|width| width > 0.0),
                 "beam.u_fwhm_mm",
                 beam.u_fwhm_mm(),
             ),
@@ -382,6 +388,11 @@ impl<F> Capture<F> {
                 reference.u_reflectance.is_none(),
                 "reference.u_reflectance",
                 reference.u_reflectance(),
+            ),
+            (
+                white && reference.u_sigma_s_prime_relative.is_none(),
+                "reference.u_sigma_s_prime_relative",
+                reference.u_sigma_s_prime_relative(),
             ),
             (
                 white && reference.eta.is_none(),
@@ -435,10 +446,10 @@ impl Geometry {
 }
 
 impl Beam {
-    /// Standard uncertainty of `fwhm_mm`, mm, stated or by default.
+    /// Standard uncertainty of `fwhm_mm`, mm, stated or by default; 0 where there is no width.
     pub fn u_fwhm_mm(&self) -> f64 {
         self.u_fwhm_mm
-            .unwrap_or(DEFAULT_U_FWHM_RELATIVE * self.fwhm_mm)
+            .unwrap_or(DEFAULT_U_FWHM_RELATIVE * self.fwhm_mm.unwrap_or(0.0))
     }
 }
 
@@ -446,6 +457,12 @@ impl<F> Reference<F> {
     /// Standard uncertainty of `reflectance`, stated or by default.
     pub fn u_reflectance(&self) -> f64 {
         self.u_reflectance.unwrap_or(DEFAULT_U_REFLECTANCE)
+    }
+
+    /// Relative standard uncertainty of the white's σₛ′, stated or by default.
+    pub fn u_sigma_s_prime_relative(&self) -> f64 {
+        self.u_sigma_s_prime_relative
+            .unwrap_or(DEFAULT_U_SIGMA_S_PRIME_RELATIVE)
     }
 
     /// Relative index of the white, stated or by default.

@@ -15,10 +15,12 @@
 //! | [`sphere_csv`] | what an integrating sphere measured, for `sphere` |
 //! | [`profile_csv`] | `profile.csv` |
 //! | [`totals_csv`] | `totals.csv` |
+//! | [`beam_csv`] | `beam.csv`: a measured beam |
 //! | [`materials_csv`], [`materials_json`] | material tables |
 //! | [`layers_csv`] | `layers.csv`: constituents of layered media |
 //! | [`toml_text`] | any TOML into any struct, with errors that name the nearest known key |
 
+pub mod beam_csv;
 pub mod capture;
 mod csv_table;
 pub mod exr;

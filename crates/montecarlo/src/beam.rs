@@ -8,7 +8,7 @@ use physics::fresnel;
 use std::f64::consts::{FRAC_PI_2, LN_2, TAU};
 
 /// A beam of unit power: its width, and where it comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Incidence {
     /// Power across the beam, centred on radius 0. A tilted beam is round about its own axis, so
     /// its footprint is longer along x by 1/cos; a diffuse one has a round footprint.
@@ -78,7 +78,8 @@ pub(crate) fn launch(
     random: &mut impl Uniform,
 ) -> Launch {
     // Radius of the footprint that holds the share ξ of the power.
-    let radius = match incidence.beam {
+    let radius = match &incidence.beam {
+        Beam::Measured(spread) => spread.radius_holding(random.uniform()),
         Beam::Point => 0.0,
         Beam::Gaussian { fwhm_mm } => {
             fwhm_mm * (-(1.0 - random.uniform()).ln() / (4.0 * LN_2)).sqrt()
@@ -87,7 +88,7 @@ pub(crate) fn launch(
     };
     let at = match incidence.beam {
         Beam::Point => [0.0, 0.0],
-        Beam::Gaussian { .. } | Beam::Disk { .. } => {
+        Beam::Gaussian { .. } | Beam::Disk { .. } | Beam::Measured(_) => {
             let (sin, cos) = (TAU * random.uniform()).sin_cos();
             [radius * cos, radius * sin]
         }
@@ -121,7 +122,7 @@ mod tests {
     use crate::random::Stream64;
     use physics::Medium;
 
-    fn launches(incidence: Incidence) -> Vec<Launch> {
+    fn launches(incidence: &Incidence) -> Vec<Launch> {
         let half_space = LayeredMedium::half_space(&Medium {
             sigma_a: 1.0,
             sigma_s: 1.0,
@@ -130,15 +131,15 @@ mod tests {
         });
         let mut random = Stream64::new(3, 0);
         (0..40_000)
-            .map(|_| launch(&incidence, &half_space, &mut random))
+            .map(|_| launch(incidence, &half_space, &mut random))
             .collect()
     }
 
     #[test]
     fn half_the_power_falls_where_the_width_says() {
-        let half_within = |beam, radius: f64| {
-            let all = launches(Incidence {
-                beam,
+        let half_within = |beam: Beam, radius: f64| {
+            let all = launches(&Incidence {
+                beam: beam.clone(),
                 ..Incidence::PENCIL
             });
             let within = all
@@ -152,12 +153,16 @@ mod tests {
         // A Gaussian's half-width at half maximum holds half of its power; so does 1/√2 of a disk.
         half_within(Beam::Gaussian { fwhm_mm: 0.8 }, 0.4);
         half_within(Beam::Disk { fwhm_mm: 0.8 }, 0.4 / 2.0_f64.sqrt());
+        // A fifth of the light in a disk of 0.2 mm, the rest in a ring: half of all at
+        // r² = 0.04 + 3/8 (0.36 − 0.04).
+        let spread = physics::RadialSpread::new(vec![0.0, 0.2, 0.6], &[0.2, 0.8]).unwrap();
+        half_within(Beam::Measured(spread), 0.4);
     }
 
     #[test]
     fn oblique_light_is_refracted_toward_the_normal() {
         let direction = Direction::Collimated { angle: 1.0 };
-        let l = launches(Incidence {
+        let l = launches(&Incidence {
             direction,
             ..Incidence::PENCIL
         })[0];
@@ -170,7 +175,7 @@ mod tests {
 
     #[test]
     fn diffuse_light_loses_the_average_reflectance() {
-        let all = launches(Incidence {
+        let all = launches(&Incidence {
             direction: Direction::Diffuse,
             ..Incidence::PENCIL
         });

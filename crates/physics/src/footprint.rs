@@ -3,6 +3,7 @@
 use crate::medium::Coefficients;
 use crate::model::{ForwardModel, Gradient};
 use crate::profile::ProfilePoint;
+use crate::spread::RadialSpread;
 use gauss_quad::GaussLegendre;
 use nalgebra::DMatrix;
 use std::f64::consts::{LN_2, PI};
@@ -10,7 +11,7 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 
 /// Power of the beam across the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Beam {
     /// All of it at one point.
     Point,
@@ -24,14 +25,18 @@ pub enum Beam {
         /// Diameter, mm.
         fwhm_mm: f64,
     },
+    /// What a camera saw of the beam on a surface that does not spread light itself: beam, point
+    /// spread and pixel together, so that no pixel comes on top of it.
+    Measured(RadialSpread),
 }
 
 /// What smears a profile before it is averaged over rings.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Blur {
     /// The beam that lit the sample.
     pub beam: Beam,
-    /// Side of a pixel on the sample, mm; each averages over its square. 0 for none.
+    /// Side of a pixel on the sample, mm; each averages over its square. 0 for none. A measured
+    /// beam has it in itself.
     pub pixel_mm: f64,
 }
 
@@ -54,10 +59,18 @@ impl Blur {
                 d * (-0.5 * d * d / variance).exp()
             })
         };
-        let mut pairs = match self.beam {
+        let mut pairs = match &self.beam {
+            Beam::Measured(spread) => {
+                let mut samples = vec![];
+                for (inner, outer, share) in spread.rings().filter(|r| r.2 > 0.0) {
+                    let even = share / (0.5 * (outer - inner) * (outer + inner));
+                    samples.extend(legendre(4, inner, outer, |r| even * r));
+                }
+                gauss_rule(&samples, count)
+            }
             Beam::Point if pixel == 0.0 => vec![(0.0, 1.0)],
             Beam::Point => gaussian(pixel),
-            Beam::Gaussian { fwhm_mm } => {
+            &Beam::Gaussian { fwhm_mm } => {
                 let variance = fwhm_mm * fwhm_mm / (8.0 * LN_2) + pixel;
                 if variance == 0.0 {
                     vec![(0.0, 1.0)]
@@ -65,7 +78,7 @@ impl Blur {
                     gaussian(variance)
                 }
             }
-            Beam::Disk { fwhm_mm } => {
+            &Beam::Disk { fwhm_mm } => {
                 // An even disk of radius R has the second moment R²/4 along each axis.
                 let radius = (0.25 * fwhm_mm * fwhm_mm + 4.0 * pixel).sqrt();
                 if radius == 0.0 {
@@ -85,14 +98,33 @@ impl Blur {
     /// Standard deviation of the blur along one axis, mm.
     pub fn standard_deviation_mm(&self) -> f64 {
         let pixel = self.pixel_mm * self.pixel_mm / 12.0;
-        let beam = match self.beam {
+        let beam = match &self.beam {
+            Beam::Measured(spread) => return spread.variance_mm2().sqrt(),
             Beam::Point => 0.0,
             Beam::Gaussian { fwhm_mm } => fwhm_mm * fwhm_mm / (8.0 * LN_2),
             Beam::Disk { fwhm_mm } => fwhm_mm * fwhm_mm / 16.0,
         };
         (beam + pixel).sqrt()
     }
+
+    /// Radius from which a profile can be read although its convolution with the beam is known
+    /// no better than the beam is, mm.
+    ///
+    /// A stated width says nothing of the beam's shape, so four standard deviations are kept
+    /// clear of it. A measured one is known from its middle outward: 90 % of its light lie within
+    /// the radius.
+    pub fn clear_mm(&self) -> f64 {
+        match &self.beam {
+            Beam::Measured(spread) => spread.radius_holding(MEASURED_CLEAR),
+            _ => STATED_CLEAR * self.standard_deviation_mm(),
+        }
+    }
 }
+
+/// Standard deviations of a stated blur that are kept clear.
+const STATED_CLEAR: f64 = 4.0;
+/// Share of a measured beam that is kept clear.
+const MEASURED_CLEAR: f64 = 0.9;
 
 /// Nodes and weights of ∫ `density` over [low, high].
 fn legendre(count: usize, low: f64, high: f64, density: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
@@ -262,8 +294,9 @@ fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
         _ => (20, 40, 64),
     };
     let mut samples = Vec::with_capacity(ring.len() * fine * angles);
+    let displacements = blur.displacements(fine);
     for &(radius, ring_weight) in ring {
-        for &(offset, weight) in &blur.displacements(fine) {
+        for &(offset, weight) in &displacements {
             // The trapezoidal rule over a period converges faster than any power.
             for step in 0..angles {
                 let cos = (PI * (step as f64 + 0.5) / angles as f64).cos();

@@ -22,6 +22,7 @@
 //! | [`model`] | [`ForwardModel`]: what a fit asks of any model |
 //! | [`exit`] | [`ExitFactor`]: what a camera sees of the light that leaves |
 //! | [`footprint`] | what one datum of a profile averages over: ring, beam and pixel |
+//! | [`spread`] | [`RadialSpread`]: a round spread of light as it was measured |
 //! | [`frame`] | [`Frame`] and [`Sensor`]: one exposure, and the sensor behind it |
 //! | [`mosaic`] | [`Mosaic`]: which colour each photosite of a sensor sees |
 //! | [`radiance`] | [`RadianceMap`]: a picture with a variance |
@@ -51,6 +52,7 @@ pub mod photon_beam_diffusion;
 pub mod profile;
 pub mod radiance;
 pub mod simd;
+pub mod spread;
 
 pub use better_dipole::BetterDipoleModel;
 pub use dipole::{Dipole, DipoleModel};
@@ -71,3 +73,4 @@ pub use phase::{HenyeyGreenstein, Phase, PhaseFunction, PhaseMixture, TabulatedP
 pub use photon_beam_diffusion::PhotonBeamDiffusionModel;
 pub use profile::{ProfilePoint, RadialProfile, TotalReflectance};
 pub use radiance::{ChannelMap, RadianceMap};
+pub use spread::RadialSpread;

@@ -6,7 +6,7 @@
 
 use crate::discrepancy::Discrepancy;
 use crate::error::Result;
-use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative, widened};
+use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative};
 use physics::{Blur, Coefficients, Footprints, ProfilePoint, RadialProfile, TotalReflectance};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -66,10 +66,10 @@ impl Channel<'_> {
         let scale = 1.0 + u_relative(self.scale) * normal();
         let eta = (given.eta + given.u_eta * normal()).max(1.0);
         let length = 1.0 + given.u_length_relative * normal();
-        let beam = widened(given.beam, given.u_fwhm_mm * normal());
+        let beam = given.drawn_beam(normal());
         let truth = Given {
             eta,
-            beam,
+            beam: beam.clone(),
             ..given.clone()
         };
         let model = truth.model()?;

@@ -67,7 +67,8 @@ impl Compared {
             .collect())
     }
 
-    /// What the report shows of the model for channel `index`, whose data are `profile`.
+    /// What the report shows of the model for channel `index`, whose data are `profile` and whose
+    /// fit took `given` as given, but for the model.
     ///
     /// # Errors
     ///
@@ -76,11 +77,16 @@ impl Compared {
         &self,
         index: usize,
         profile: &RadialProfile,
+        given: &Given,
     ) -> Result<Option<ModelReport<'_>>> {
         let Some(fit) = self.outcome.as_deref().ok().and_then(|f| f.get(index)) else {
             return Ok(None);
         };
-        let curve = model_curve(profile, fit, &self.given)?
+        let given = Given {
+            model: self.given.model.clone(),
+            ..given.clone()
+        };
+        let curve = model_curve(profile, fit, &given)?
             .into_iter()
             .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
                 radius_mm,
@@ -143,6 +149,7 @@ mod tests {
                 beam: Beam::Point,
                 u_fwhm_mm: 0.0,
                 pixel_mm: 0.0,
+                variants: vec![],
             };
             let of_itself = |given: &Given| {
                 let model = library::model(&given.model, given.eta)?;

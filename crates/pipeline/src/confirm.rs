@@ -79,7 +79,8 @@ pub fn confirm(fit: &Fit, profile: &RadialProfile, given: &Given) -> Result<Opti
     let slab = given.model.slab.map(|slab| slab.at(given.eta));
     let reach = edges.last().copied().unwrap_or(0.0);
     let cutoff = LONGEST_PATHS * reach * reach * c.sigma_t_prime();
-    let run = simulation::spot(&medium, slab, given.beam, edges, cutoff, PHOTONS, SEED)?;
+    let beam = given.beam.clone();
+    let run = simulation::spot(&medium, slab, beam, edges, cutoff, PHOTONS, SEED)?;
     Ok(Some(compare(&run, fit, given, g)?))
 }
 
@@ -111,7 +112,7 @@ fn compare(run: &SpotRun, fit: &Fit, given: &Given, g: f64) -> Result<Confirmati
         .collect();
     let mut expected = vec![0.0; curve.len()];
     let blur = Blur {
-        beam: given.beam,
+        beam: given.beam.clone(),
         pixel_mm: 0.0,
     };
     Footprints::new(&curve, &blur).reflectance(&*model, fit.coefficients(), &mut expected);

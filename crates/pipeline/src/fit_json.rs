@@ -1,5 +1,6 @@
 //! `fit.json`: the fits of a capture, for other programs.
 
+use crate::beam::{BeamDocument, ChosenBeam};
 use crate::bootstrap::Bootstrap;
 use crate::capture::Input;
 use crate::comparison::Compared;
@@ -33,6 +34,9 @@ pub struct FitDocument {
     /// What was left out on the way, and why.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
+    /// What a user should know of the measurement as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// The channels.
     pub channels: Vec<Channel>,
     /// The same channels under every model that applies, where that was asked.
@@ -101,6 +105,8 @@ pub struct Channel {
     verdict: Option<Verdict>,
     #[serde(skip_serializing_if = "Option::is_none")]
     bootstrap: Option<Bootstrap>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beam: Option<BeamDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     monte_carlo: Option<Confirmation>,
 }
@@ -204,6 +210,7 @@ impl From<&Fit> for Channel {
             warnings: fit.warnings.iter().map(ToString::to_string).collect(),
             verdict: None,
             bootstrap: None,
+            beam: None,
             monte_carlo: None,
         }
     }
@@ -236,6 +243,7 @@ impl FitDocument {
             constraint: constraint_name(constraint),
             assumptions: assumptions.to_vec(),
             left_out: vec![],
+            warnings: vec![],
             channels: fits.iter().map(Channel::from).collect(),
             models: vec![],
         }
@@ -270,6 +278,22 @@ impl FitDocument {
     #[must_use]
     pub fn with_left_out(mut self, lines: &[String]) -> Self {
         self.left_out = lines.to_vec();
+        self
+    }
+
+    /// The same document with warnings of the measurement as a whole.
+    #[must_use]
+    pub fn with_warnings(mut self, warnings: &[String]) -> Self {
+        self.warnings = warnings.to_vec();
+        self
+    }
+
+    /// The same document with the beam of each channel.
+    #[must_use]
+    pub fn with_beams(mut self, beams: &[ChosenBeam]) -> Self {
+        for (channel, beam) in self.channels.iter_mut().zip(beams) {
+            channel.beam = Some(beam.into());
+        }
         self
     }
 

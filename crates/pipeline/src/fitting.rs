@@ -64,6 +64,27 @@ pub struct Given {
     pub u_fwhm_mm: f64,
     /// Side of a pixel, mm; 0 where the profile does not come from pixels.
     pub pixel_mm: f64,
+    /// Inputs that are each off by one standard uncertainty.
+    pub variants: Vec<Variant>,
+}
+
+/// An input that is off, for what that does to the coefficients.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// The input, as a budget calls it.
+    pub name: &'static str,
+    /// How many standard uncertainties the change to one stands for: 1, or 1/√n where n variants
+    /// are draws of the same input.
+    pub weight: f64,
+    /// What is otherwise.
+    pub change: Change,
+}
+
+/// What is otherwise in a [`Variant`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// The beam.
+    Beam(Beam),
 }
 
 impl Given {
@@ -117,13 +138,33 @@ impl Given {
             u_eta: 0.0,
             u_length_relative: 0.0,
             u_fwhm_mm: 0.0,
+            variants: vec![],
             ..self.clone()
         }
     }
 
+    /// A beam as far off as its width is uncertain, by the standard normal `draw`.
+    pub(crate) fn drawn_beam(&self, draw: f64) -> Beam {
+        let Beam::Measured(spread) = &self.beam else {
+            return widened(&self.beam, self.u_fwhm_mm * draw);
+        };
+        let fwhm = spread.fwhm_mm();
+        let squares: f64 = (self.variants.iter())
+            .map(|v| match &v.change {
+                Change::Beam(Beam::Measured(other)) => {
+                    (v.weight * (other.fwhm_mm() - fwhm) / fwhm).powi(2)
+                }
+                Change::Beam(_) => 0.0,
+            })
+            .sum();
+        // Three standard deviations of any width that can be measured stay above half of it.
+        let factor = (1.0 + squares.sqrt() * draw).max(0.5);
+        Beam::Measured(spread.stretched(factor))
+    }
+
     pub(crate) fn blur(&self) -> Blur {
         Blur {
-            beam: self.beam,
+            beam: self.beam.clone(),
             pixel_mm: self.pixel_mm,
         }
     }
@@ -142,8 +183,9 @@ impl Given {
 
 /// Fits one channel; `scale` lists what makes the scale uncertain that profile and total share.
 ///
-/// The uncertainties of η, of the scale of length, of the beam's width and of the model's own
-/// numerics are added to those of the fit, each as a line of its budget.
+/// The uncertainties of η, of the scale of length, of the beam's width, of every variant of the
+/// inputs and of the model's own numerics are added to those of the fit, each as a line of its
+/// budget.
 ///
 /// # Errors
 ///
@@ -218,8 +260,11 @@ pub fn fit_channel(
     if given.u_fwhm_mm > 0.0 {
         let u = given.u_fwhm_mm;
         neighbours.add("beam width", [-u, u], 0.5, |case, change| {
-            case.given.beam = widened(given.beam, change);
+            case.given.beam = widened(&given.beam, change);
         })?;
+    }
+    for variants in given.variants.chunk_by(|a, b| a.name == b.name) {
+        neighbours.add_variants(&best, variants)?;
     }
     let model = library::model(&given.model, given.eta)?;
     let found = best.coefficients();
@@ -324,6 +369,7 @@ impl Case {
         given.range_mm = given.range_mm.map(|(a, b)| (a * factor, b * factor));
         given.pixel_mm *= factor;
         given.beam = match given.beam {
+            Beam::Measured(ref spread) => Beam::Measured(spread.stretched(factor)),
             Beam::Point => Beam::Point,
             Beam::Gaussian { fwhm_mm } => Beam::Gaussian {
                 fwhm_mm: fwhm_mm * factor,
@@ -367,6 +413,40 @@ impl Neighbours {
     }
 }
 
+impl Neighbours {
+    /// The line of an input of which `variants` are draws, or the one change.
+    fn add_variants(&mut self, best: &Fit, variants: &[Variant]) -> Result<()> {
+        let (mut aa, mut mixed, mut ss) = (0.0, 0.0, 0.0);
+        for Variant { weight, change, .. } in variants {
+            let mut case = self.case.clone();
+            let Change::Beam(beam) = change;
+            case.given.beam = beam.clone();
+            let (from, to) = (
+                best.coefficients(),
+                case.fitted(self.u_scale_relative)?.coefficients(),
+            );
+            let a = weight * (to.sigma_a - from.sigma_a);
+            let s = weight * (to.sigma_s_prime - from.sigma_s_prime);
+            aa += a * a;
+            mixed += a * s;
+            ss += s * s;
+        }
+        let Some(first) = variants.first() else {
+            return Ok(());
+        };
+        let (a, s) = (aa.sqrt(), ss.sqrt());
+        let draws = variants.len() as f64;
+        self.lines.push(Contribution {
+            source: first.name.to_owned(),
+            u_sigma_a: a,
+            u_sigma_s_prime: s,
+            correlation: if a * s > 0.0 { mixed / (a * s) } else { 0.0 },
+            degrees_of_freedom: if draws > 1.0 { draws } else { f64::INFINITY },
+        });
+        Ok(())
+    }
+}
+
 pub(crate) fn exit_factor(exit: Exit, eta: f64) -> f64 {
     match exit {
         Exit::Fresnel { angle, .. } => Exit::Fresnel { eta, angle }.factor(),
@@ -374,9 +454,9 @@ pub(crate) fn exit_factor(exit: Exit, eta: f64) -> f64 {
     }
 }
 
-pub(crate) fn widened(beam: Beam, change: f64) -> Beam {
+fn widened(beam: &Beam, change: f64) -> Beam {
     match beam {
-        Beam::Point => Beam::Point,
+        Beam::Point | Beam::Measured(_) => beam.clone(),
         Beam::Gaussian { fwhm_mm } => Beam::Gaussian {
             fwhm_mm: (fwhm_mm + change).max(0.0),
         },

@@ -239,7 +239,6 @@ impl Init {
         for line in [
             "eta: relative refractive index of the sample",
             "geometry.mm_per_pixel: what one pixel sees of the sample",
-            "beam.fwhm_mm: width of the beam on the sample",
             "camera.gain_e_per_dn, read_noise_e, black_level_dn, white_level_dn: the sensor",
             "reference.reflectance: of the white, from its certificate",
         ] {

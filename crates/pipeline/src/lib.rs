@@ -26,6 +26,7 @@
 //! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
+pub mod beam;
 pub mod bootstrap;
 pub mod brdf;
 pub mod capture;

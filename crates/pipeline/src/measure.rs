@@ -1,5 +1,6 @@
 //! The main job: frames to materials.
 
+use crate::beam::{self, ChosenBeam};
 use crate::bootstrap::{self, Bootstrap};
 use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
 use crate::comparison::{self, Compared};
@@ -16,9 +17,9 @@ use crate::verdict::{self, Verdict};
 use fit::{Constraint, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
-use physics::footprint::Beam;
-use physics::{Material, RadialProfile, RadianceMap, TotalReflectance};
+use physics::{Material, RadialProfile, RadianceMap, ReducedMedium, TotalReflectance};
 use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -67,6 +68,8 @@ pub struct Radiance {
     pub scales: Vec<Scale>,
     /// What makes each uncertain.
     pub scale_inputs: Vec<Vec<ScaleInput>>,
+    /// The white of each channel as matter that glows, where the manifest knows it.
+    pub whites: Vec<Option<ReducedMedium>>,
     /// Every file that took part.
     pub inputs: Vec<Input>,
     /// What was dropped, and where, in sentences.
@@ -88,8 +91,10 @@ pub struct Measurement {
     pub radiance: Radiance,
     /// Profile and total of each channel.
     pub measured: Vec<Measured>,
-    /// What the fits took as given.
-    pub given: Given,
+    /// What the fit of each channel took as given: all the same but for the beam.
+    pub given: Vec<Given>,
+    /// The beam of each channel.
+    pub beams: Vec<ChosenBeam>,
     /// The fit of each channel.
     pub fits: Vec<Fit>,
     /// How far each fit can be trusted.
@@ -104,6 +109,8 @@ pub struct Measurement {
     pub materials: Vec<Material>,
     /// Defaults that stood in for what the manifest left out.
     pub assumptions: Vec<String>,
+    /// What a user should know of the measurement as a whole, in sentences.
+    pub warnings: Vec<String>,
 }
 
 /// Sample and reference must come from one camera, as far as their files tell.
@@ -176,7 +183,11 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let reflectance = &loaded.capture.reference;
     let mut scales = vec![];
     let mut scale_inputs = vec![];
-    for (mut scale, name) in whites.into_iter().zip(sample.map.names()) {
+    let mut media = vec![];
+    for (index, (mut scale, name)) in whites.into_iter().zip(sample.map.names()).enumerate() {
+        let medium = reflectance
+            .medium(index, count)
+            .input(loaded.input.path.display())?;
         let inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
@@ -185,6 +196,11 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             ScaleInput {
                 source: "white reference: noise",
                 u_relative: scale.u_noise_relative,
+            },
+            ScaleInput {
+                // What leaves outside the picture goes as 1/σₛ′ of the white.
+                source: "white reference: light outside",
+                u_relative: (1.0 - scale.share) * reflectance.u_sigma_s_prime_relative(),
             },
             ScaleInput {
                 source: "exposure ratios",
@@ -197,6 +213,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         let line = crate::capture::left_out(Subject::Reference, name, rejected, unmeasured);
         merge_lines.extend(line);
         scales.push(scale);
+        media.push(medium);
     }
     let mut estimated: Vec<String> = found.iter().map(Found::line).collect();
     if u_exposure > 0.0 {
@@ -215,6 +232,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         map: sample.map.scaled(&factors),
         scales,
         scale_inputs,
+        whites: media,
         inputs,
         merge_lines,
         estimated,
@@ -360,13 +378,29 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         crate::capture::left_out(Subject::Sample, &m.total.channel, rejected, unmeasured)
     }));
 
-    let given = given(capture, choices, model, &radiance, measured[0].center_px);
+    let beams = (radiance.scales.par_iter())
+        .zip(&radiance.whites)
+        .zip(&measured)
+        .map(|((scale, medium), m)| {
+            let pixel_mm = radiance.view.blur_mm(m.center_px);
+            beam::choose(capture, &scale.white, *medium, &model, pixel_mm)
+        })
+        .collect::<Result<Vec<_>>>()
+        .map_err(|e| e.within(place()))?;
+    let given: Vec<Given> = beams
+        .iter()
+        .map(|beam| {
+            let center_px = measured[0].center_px;
+            given(capture, choices, &model, &radiance, center_px, beam)
+        })
+        .collect();
     let fits = measured
         .iter()
         .zip(&radiance.scale_inputs)
-        .map(|(m, scale)| {
+        .zip(&given)
+        .map(|((m, scale), given)| {
             monitor.check()?;
-            let fit = fitting::fit_channel(&m.profile, Some(&m.total), scale, &given)
+            let fit = fitting::fit_channel(&m.profile, Some(&m.total), scale, given)
                 .map_err(|e| e.within(place()));
             monitor.step();
             fit
@@ -374,16 +408,21 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         .collect::<Result<Vec<Fit>>>()?;
     let mut verdicts = vec![];
     let mut bootstraps = vec![];
-    for ((m, scale), fit) in measured.iter().zip(&radiance.scale_inputs).zip(&fits) {
+    for (((m, scale), fit), given) in measured
+        .iter()
+        .zip(&radiance.scale_inputs)
+        .zip(&fits)
+        .zip(&given)
+    {
         let (profile, total) = (&m.profile, Some(&m.total));
-        verdicts.push(verdict::judge(profile, total, scale, &given, fit)?);
+        verdicts.push(verdict::judge(profile, total, scale, given, fit)?);
         if choices.bootstrap > 0 {
             monitor.check()?;
             let channel = bootstrap::Channel {
                 profile,
                 total,
                 scale,
-                given: &given,
+                given,
             };
             let medium = fit.coefficients();
             bootstraps.push(channel.bootstrap(medium, choices.bootstrap, bootstrap::SEED)?);
@@ -392,33 +431,42 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let mut confirmations = vec![];
     if choices.confirm {
         monitor.begin("confirming", fits.len() as u64);
-        for (fit, m) in fits.iter().zip(&measured) {
+        for ((fit, m), given) in fits.iter().zip(&measured).zip(&given) {
             monitor.check()?;
-            let confirmed = confirm(fit, &m.profile, &given).map_err(|e| e.within(place()))?;
+            let confirmed = confirm(fit, &m.profile, given).map_err(|e| e.within(place()))?;
             confirmations.push(confirmed);
             monitor.step();
         }
     }
     let compared = if choices.compare {
-        let all = |given: &Given| {
+        let all = |model: &Given| {
             measured
                 .iter()
                 .zip(&radiance.scale_inputs)
-                .map(|(m, scale)| {
+                .zip(&given)
+                .map(|((m, scale), given)| {
                     monitor.check()?;
-                    fitting::fit_channel(&m.profile, Some(&m.total), scale, given)
+                    let given = Given {
+                        model: model.model.clone(),
+                        ..given.clone()
+                    };
+                    fitting::fit_channel(&m.profile, Some(&m.total), scale, &given)
                 })
                 .collect::<Result<Vec<Fit>>>()
         };
-        comparison::compare(&known(capture, choices), &given, all).map_err(|e| e.within(place()))?
+        comparison::compare(&known(capture, choices), &given[0], all)
+            .map_err(|e| e.within(place()))?
     } else {
         vec![]
     };
-    let materials = fitting::materials(&fits, &capture.material, &given)?;
+    let materials = fitting::materials(&fits, &capture.material, &given[0])?;
+    let warnings = channel_warnings(&fits, &beams);
     Ok(Measurement {
+        warnings,
+        beams,
         material: capture.material.clone(),
         assumptions: {
-            let mut lines = assumptions(capture, &given.model, &radiance.estimated);
+            let mut lines = assumptions(capture, &given[0].model, &radiance.estimated);
             lines.extend(centers.lines);
             lines.extend(unseen(&radiance.scales, &measured));
             lines
@@ -465,14 +513,26 @@ impl Measurement {
         said.collect()
     }
 
+    /// What the beam of each channel is, and how it is known, in sentences.
+    pub fn beam_lines(&self) -> Vec<String> {
+        let each = self.fits.iter().zip(&self.beams);
+        each.map(|(fit, beam)| format!("{}: {}", fit.channel, beam.sentence()))
+            .collect()
+    }
+
+    /// What all fits took as given.
+    pub fn common(&self) -> &Given {
+        &self.given[0]
+    }
+
     /// The document `fit.json`.
     pub fn document(&self) -> FitDocument {
         let document = FitDocument::new(
             &self.fits,
             Some(self.material.clone()),
-            self.given.eta,
-            &self.given.model.name,
-            self.given.constraint,
+            self.common().eta,
+            &self.common().model.name,
+            self.common().constraint,
             &self.radiance.inputs,
             &self.assumptions,
         );
@@ -480,6 +540,8 @@ impl Measurement {
             .with_left_out(&self.radiance.merge_lines)
             .with_verdicts(&self.verdicts)
             .with_bootstraps(&self.bootstraps)
+            .with_warnings(&self.warnings)
+            .with_beams(&self.beams)
             .with_confirmations(&self.confirmations)
             .with_models(&self.compared)
     }
@@ -541,16 +603,27 @@ fn known(capture: &manifest::Capture, choices: &Choices) -> ModelChoice {
     model
 }
 
+/// Warnings of the beams, each with its channel.
+fn channel_warnings(fits: &[Fit], beams: &[ChosenBeam]) -> Vec<String> {
+    fits.iter()
+        .zip(beams)
+        .flat_map(|(fit, beam)| {
+            let name = &fit.channel;
+            beam.warnings.iter().map(move |w| format!("{name}: {w}"))
+        })
+        .collect()
+}
+
 fn given(
     capture: &manifest::Capture,
     choices: &Choices,
-    model: ModelChoice,
+    model: &ModelChoice,
     radiance: &Radiance,
     center_px: [f64; 2],
+    beam: &ChosenBeam,
 ) -> Given {
-    let fwhm_mm = capture.beam.fwhm_mm;
     Given {
-        model,
+        model: model.clone(),
         discrepancy: choices.discrepancy.unwrap_or(capture.model.discrepancy),
         constraint: choices.constraint,
         free_scale: choices.free_scale,
@@ -561,13 +634,10 @@ fn given(
         cos_beam: capture.beam.angle_deg.to_radians().cos(),
         exit: radiance.exit,
         u_length_relative: geometry::u_length_relative(&capture.geometry, center_px),
-        beam: match capture.beam.profile {
-            _ if fwhm_mm == 0.0 => Beam::Point,
-            manifest::BeamProfile::Gaussian => Beam::Gaussian { fwhm_mm },
-            manifest::BeamProfile::Disk => Beam::Disk { fwhm_mm },
-        },
-        u_fwhm_mm: capture.beam.u_fwhm_mm(),
+        beam: beam.beam.clone(),
+        u_fwhm_mm: beam.u_stated_mm,
         pixel_mm: radiance.view.blur_mm(center_px),
+        variants: beam.variants.clone(),
     }
 }
 

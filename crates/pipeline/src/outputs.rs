@@ -6,15 +6,17 @@ use crate::files::Outputs;
 use crate::fitting::model_curve;
 use crate::measure::Measurement;
 use physics::ProfilePoint;
+use physics::footprint::Beam;
 use report::{ChannelReport, CurvePoint, Report, figure_svg, report_html};
 use std::io::Write;
 use std::path::Path;
 
 /// The files of a measurement; a figure of each channel comes on top.
-const NAMES: [&str; 6] = [
+const NAMES: [&str; 7] = [
     "radiance.exr",
     "profile.csv",
     "totals.csv",
+    "beam.csv",
     "fit.json",
     "materials.csv",
     "report.html",
@@ -58,6 +60,14 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
     files.write("totals.csv", |out| {
         Ok(formats::totals_csv::write(&totals, out)?)
     })?;
+    let beams = measurement.fits.iter().zip(&measurement.beams);
+    let spreads = beams.filter_map(|(fit, beam)| match &beam.beam {
+        Beam::Measured(spread) => Some((fit.channel.as_str(), spread)),
+        _ => None,
+    });
+    files.write("beam.csv", |out| {
+        Ok(formats::beam_csv::write(spreads, out)?)
+    })?;
     let document = measurement.document();
     files.write("fit.json", |out| {
         Ok(out.write_all(document.to_json()?.as_bytes())?)
@@ -71,7 +81,8 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
     for (index, ((fit, profile), row)) in
         measurement.fits.iter().zip(&profiles).zip(rows).enumerate()
     {
-        let seen = measurement.given.entry_factor(measurement.given.eta) * fit.scale;
+        let given = &measurement.given[index];
+        let seen = given.entry_factor(given.eta) * fit.scale;
         let monte_carlo = measurement.confirmation(index).map_or(vec![], |c| {
             let place = |p: &ProfilePoint| CurvePoint {
                 radius_mm: p.radius_mm,
@@ -79,7 +90,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             };
             c.curve.iter().map(place).collect()
         });
-        let model_curve = model_curve(profile, fit, &measurement.given)?
+        let model_curve = model_curve(profile, fit, given)?
             .into_iter()
             .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
                 radius_mm,
@@ -101,7 +112,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         let reports = measurement
             .compared
             .iter()
-            .map(|compared| compared.report(index, profile));
+            .map(|compared| compared.report(index, profile, &measurement.given[index]));
         comparison.push(
             reports
                 .collect::<Result<Vec<_>>>()?
@@ -110,18 +121,20 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
                 .collect(),
         );
     }
+    let given = measurement.common();
     let page = Report {
         material: &measurement.material,
-        eta: measurement.given.eta,
-        u_eta: measurement.given.u_eta,
-        model: &measurement.given.model.name,
-        constraint: measurement.given.constraint,
+        eta: given.eta,
+        u_eta: given.u_eta,
+        model: &given.model.name,
+        constraint: given.constraint,
         channels,
-        warnings: vec![],
+        warnings: measurement.warnings.clone(),
         assumptions: measurement.assumptions.clone(),
         comparison,
         verdict: measurement.verdict_lines(),
         confirmation: measurement.confirmation_lines(),
+        beam: measurement.beam_lines(),
         merge: measurement.radiance.merge_lines.clone(),
         tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),
         inputs: measurement

@@ -197,7 +197,7 @@ fn manifest_of(
             center_px: None,
         },
         beam: manifest::Beam {
-            fwhm_mm: camera.beam_fwhm_mm,
+            fwhm_mm: Some(camera.beam_fwhm_mm),
             u_fwhm_mm: Some(0.0),
             profile: match camera.beam_profile {
                 synth::BeamProfile::Gaussian => manifest::BeamProfile::Gaussian,
@@ -239,6 +239,7 @@ fn manifest_of(
             reflectance: white.reflectance,
             u_reflectance: Some(white.u_reflectance),
             sigma_s_prime_per_mm: per_channel(white.sigma_s_prime_per_mm(camera.channels)),
+            u_sigma_s_prime_relative: Some(0.0),
             sigma_a_per_mm: per_channel(white.sigma_a_per_mm(camera.channels)),
             eta: Some(white.eta),
             mask: None,

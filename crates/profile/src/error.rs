@@ -61,6 +61,12 @@ pub enum ProfileError {
         /// What it was.
         found: f64,
     },
+    /// The rings of a white reference show no beam.
+    #[error(
+        "the profile of the white reference shows no beam: expected rings from the centre outward \
+         that fall to half of their peak well inside the picture"
+    )]
+    NoBeam,
     /// Nothing in the picture stands out of the noise.
     #[error(
         "no beam spot: the brightest place, at ({x:.1}, {y:.1}) px, holds {peak} with a standard \

@@ -14,7 +14,8 @@
 //! A tilted view or pixels that are not square ([`View`]) are averaged over rings on the surface,
 //! each pixel with the area that it sees there; nothing is resampled.
 //!
-//! This crate fits nothing and corrects for no beam width or stray light.
+//! This crate fits nothing and corrects for no beam width or stray light; it measures beam and blur
+//! on the white reference ([`measure_beam`]), for a fit to convolve its model with.
 //!
 //! | module | holds |
 //! |---|---|
@@ -25,8 +26,10 @@
 //! | [`mod@slice`] | [`slice_profile`] |
 //! | [`scale`] | [`reference_scale`] |
 //! | [`view`] | [`View`]: from pixels to millimetres |
+//! | [`beam`] | [`measure_beam`] |
 //! | [`error`] | [`ProfileError`] |
 
+pub mod beam;
 pub mod center;
 mod curve;
 pub mod error;
@@ -40,6 +43,7 @@ mod survey;
 mod sweep;
 pub mod view;
 
+pub use beam::{Glow, MeasuredBeam, measure_beam};
 pub use center::find_center;
 pub use error::ProfileError;
 pub use glow::{GlowCenter, glow_center};

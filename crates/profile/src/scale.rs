@@ -4,7 +4,7 @@ use crate::error::ProfileError;
 use crate::radial::ProfileOptions;
 use crate::survey::Survey;
 use crate::view::View;
-use physics::{ChannelMap, DiffuseFresnel, Dipole, ReducedMedium, fresnel};
+use physics::{ChannelMap, DiffuseFresnel, Dipole, RadialProfile, ReducedMedium, fresnel};
 
 /// How light that leaves the sample spreads over directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +49,7 @@ pub struct ReferenceOptions {
 }
 
 /// What turns a picture of the sample into exitance per incident power.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     /// Exitance per incident power, mm⁻², for one DN/s.
     pub factor_per_mm2: f64,
@@ -61,6 +61,8 @@ pub struct Scale {
     /// Sum of the reference's pixels inside the circle, DN/s, each times its area over that of a
     /// pixel at the centre.
     pub reference_sum: f64,
+    /// Profile of the reference's spot, DN/s.
+    pub white: RadialProfile,
     /// Centre of the reference's spot, px.
     pub center_px: [f64; 2],
     /// Radius of the circle, mm.
@@ -145,6 +147,7 @@ pub fn reference_scale(
         u_noise_relative,
         reference_sum: total.total_reflectance / pixel,
         center_px: measured.center_px,
+        white: measured.profile,
         radius_mm,
         share,
         rejected_pixels: measured.rejected_pixels,

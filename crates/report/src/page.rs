@@ -38,6 +38,8 @@ pub struct Report<'a> {
     pub verdict: Vec<String>,
     /// What photon counting says of the fits, one sentence each.
     pub confirmation: Vec<String>,
+    /// What the beam and the blur of each channel are, and how they are known; one sentence each.
+    pub beam: Vec<String>,
     /// What became of the frames: used, saturated, masked; one sentence each.
     pub merge: Vec<String>,
     /// Name and version of the program.
@@ -94,6 +96,7 @@ pub fn report_html(report: &Report) -> String {
     comparison(&mut out, report);
     budgets(&mut out, report);
     list(&mut out, "Confirmation", &report.confirmation);
+    list(&mut out, "Beam and blur", &report.beam);
     list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
     provenance(&mut out, report);

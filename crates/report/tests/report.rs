@@ -26,6 +26,7 @@ fn page<'a>(material: &'a str, channels: Vec<ChannelReport<'a>>) -> Report<'a> {
         comparison: vec![],
         verdict: vec![],
         confirmation: vec![],
+        beam: vec![],
         merge: vec![],
         tool: "beamspot 0.1.0",
         inputs: vec![],
@@ -194,6 +195,7 @@ fn text_from_outside_stays_text() {
         comparison: vec![],
         verdict: vec![],
         confirmation: vec![],
+        beam: vec![],
         merge: vec![evil.to_owned()],
         tool: evil,
         inputs: vec![Input {

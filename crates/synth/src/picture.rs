@@ -254,7 +254,7 @@ mod tests {
             (WHITE, Beam::Disk { fwhm_mm: 0.5 }, 512, 0.04, 4e-6),
         ] {
             let view = view(size, mm);
-            let picture = view.picture(&glow(&medium, beam, view.reach_mm()));
+            let picture = view.picture(&glow(&medium, beam.clone(), view.reach_mm()));
             let sum: f64 = picture.iter().map(|v| f64::from(*v)).sum::<f64>() * mm * mm;
             let total = Dipole::new(&medium, DiffuseFresnel::Exact).total_reflectance();
             let expected = total - outside(&medium, &view);

@@ -53,6 +53,12 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         );
     }
     let known = known(args)?;
+    let mut beams = vec![];
+    if let Some(path) = &args.beam {
+        let bytes = read(path)?;
+        beams = formats::beam_csv::read(&bytes[..]).input(path.display())?;
+        inputs.push(Input::named_by_itself(path, &bytes));
+    }
     let given = Given {
         model: if args.fit.compares() {
             known.called(&known.name)
@@ -70,12 +76,34 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         exit: Exit::Lambert,
         u_length_relative: 0.0,
         beam: match args.beam_fwhm {
-            0.0 => Beam::Point,
-            fwhm_mm => Beam::Gaussian { fwhm_mm },
+            None | Some(0.0) => Beam::Point,
+            Some(fwhm_mm) => Beam::Gaussian { fwhm_mm },
         },
         u_fwhm_mm: 0.0,
         pixel_mm: args.mm_per_pixel,
+        variants: vec![],
     };
+    // The beam of each profile, or the radii that do without one.
+    let told: Vec<(Beam, Option<(f64, f64)>)> = profiles
+        .iter()
+        .map(|profile| {
+            if let Some((_, spread)) = beams.iter().find(|(name, _)| *name == profile.channel) {
+                return (Beam::Measured(spread.clone()), given.range_mm);
+            }
+            let mut range_mm = given.range_mm;
+            if args.beam_fwhm.is_none() && range_mm.is_none() {
+                range_mm = outside_the_spot(profile);
+                notes.extend(range_mm.map(|(start, _)| {
+                    format!(
+                        "{}: no beam was given, by --beam or --beam-fwhm: fitted from {start:.3} \
+                         mm on, three times the radius at half of the maximum",
+                        profile.channel
+                    )
+                }));
+            }
+            (given.beam.clone(), range_mm)
+        })
+        .collect();
     let total_of = |profile: &RadialProfile| totals.iter().find(|t| t.channel == profile.channel);
     let scale_of = |total: Option<&TotalReflectance>| {
         let u_scale = args
@@ -87,17 +115,25 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
             u_relative: u_scale,
         }]
     };
+    // `given` with the beam of one profile.
+    let told_of = |given: &Given, (beam, range_mm): &(Beam, Option<(f64, f64)>)| Given {
+        beam: beam.clone(),
+        range_mm: *range_mm,
+        ..given.clone()
+    };
     let fit_all = |given: &Given| {
-        let fit_one = |profile: &RadialProfile| {
+        let fit_one = |(profile, told): (&RadialProfile, &_)| {
             let total = total_of(profile);
-            fitting::fit_channel(profile, total, &scale_of(total), given)
+            fitting::fit_channel(profile, total, &scale_of(total), &told_of(given, told))
                 .map_err(|e| e.within(&place))
         };
-        profiles.iter().map(fit_one).collect::<Result<Vec<Fit>>>()
+        let each = profiles.iter().zip(&told);
+        each.map(fit_one).collect::<Result<Vec<Fit>>>()
     };
     let fits = fit_all(&given)?;
     let (mut verdicts, mut bootstraps) = (vec![], vec![]);
-    for (profile, fit) in profiles.iter().zip(&fits) {
+    for ((profile, fit), told) in profiles.iter().zip(&fits).zip(&told) {
+        let given = told_of(&given, told);
         let total = total_of(profile);
         let scale = scale_of(total);
         verdicts.push(verdict::judge(profile, total, &scale, &given, fit)?);
@@ -175,6 +211,21 @@ fn known(args: &FitArgs) -> Result<ModelChoice> {
         return Err(Error::new(Kind::Usage, message));
     }
     Ok(choice)
+}
+
+/// The radii of a photographed profile at which even a beam as wide as its spot is out of sight.
+fn outside_the_spot(profile: &RadialProfile) -> Option<(f64, f64)> {
+    let first = profile.points.first().filter(|p| p.pixels.is_some())?;
+    let half = 0.5 * first.reflectance_per_mm2;
+    let fallen = profile
+        .points
+        .iter()
+        .find(|p| p.reflectance_per_mm2 < half)?;
+    let last = profile.points.last()?;
+    Some((
+        3.0 * fallen.radius_mm,
+        last.ring_mm.map_or(last.radius_mm, |r| r.1),
+    ))
 }
 
 /// Totals from the command line, or from the file beside the profile.

@@ -122,7 +122,7 @@ pub(crate) fn summary(
     measurement: &Measurement,
     folder: &Path,
 ) -> Result<()> {
-    let given = &measurement.given;
+    let given = measurement.common();
     let constraint = pipeline::fit_json::constraint_name(given.constraint);
     let material = &measurement.material;
     print::line(
@@ -138,6 +138,9 @@ pub(crate) fn summary(
     print::bootstraps(out, &measurement.fits, &measurement.bootstraps)?;
     for confirmation in measurement.confirmation_lines() {
         print::line(out, confirmation)?;
+    }
+    for warning in &measurement.warnings {
+        print::line(out, format!("warning: {warning}"))?;
     }
     for assumption in &measurement.assumptions {
         print::line(out, format!("note: {assumption}"))?;

@@ -291,7 +291,7 @@ impl Capture<Frames> {
             )?;
         }
         let width = "a width of at least 0 mm, where 0 is a point";
-        within("beam.fwhm_mm", Some(beam.fwhm_mm), 0.0.., width)?;
+        within("beam.fwhm_mm", beam.fwhm_mm, 0.0.., width)?;
         within("beam.u_fwhm_mm", beam.u_fwhm_mm, 0.0.., U)?;
         within("beam.angle_deg", Some(beam.angle_deg), 0.0..90.0, ANGLE)?;
         within("camera.angle_deg", camera.angle_deg, 0.0..90.0, ANGLE)?;
@@ -351,6 +351,13 @@ impl Capture<Frames> {
         let cosines = (Bound::Excluded(-1.0), Bound::Excluded(1.0));
         within("model.g", self.model.g, cosines, cosine)?;
         within("reference.u_reflectance", reference.u_reflectance, 0.0.., U)?;
+        let spread = "a relative uncertainty of at least 0 and below 1, as 0.1";
+        within(
+            "reference.u_sigma_s_prime_relative",
+            reference.u_sigma_s_prime_relative,
+            0.0..1.0,
+            spread,
+        )?;
         within("reference.eta", reference.eta, 1.0..=5.0, INDEX)?;
         let scattering = "a coefficient above 0 mm^-1";
         let white = reference.sigma_s_prime_per_mm.as_ref();
@@ -410,6 +417,7 @@ impl Capture<Frames> {
                 reflectance: reference.reflectance,
                 u_reflectance: reference.u_reflectance,
                 sigma_s_prime_per_mm: reference.sigma_s_prime_per_mm,
+                u_sigma_s_prime_relative: reference.u_sigma_s_prime_relative,
                 sigma_a_per_mm: reference.sigma_a_per_mm,
                 eta: reference.eta,
                 mask: reference.mask,
@@ -611,6 +619,7 @@ dark   = [
 reflectance = 0.99
 u_reflectance = 0.005
 sigma_s_prime_per_mm = 11.6
+u_sigma_s_prime_relative = 0.05
 sigma_a_per_mm = 0
 eta = 1.35
 frames = [ { file = "white_01.tif", exposure_s = 0.004 } ]
@@ -678,6 +687,7 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             ("geometry.u_mm_per_pixel", 0.00025),
             ("beam.u_fwhm_mm", 0.015),
             ("reference.u_reflectance", 0.01),
+            ("reference.u_sigma_s_prime_relative", 0.1),
             ("reference.eta", 1.3),
         ];
         assert_eq!(assumed, expected);

@@ -54,7 +54,8 @@ mm_per_pixel = {mark}              # what one pixel sees of the sample: photogra
 # u_mm_per_pixel =              # or, of a tilted view, corners_px and corners_mm: four [x, y] each
 
 [beam]
-fwhm_mm = {mark}                   # full width at half maximum on the sample; 0 for a point
+# fwhm_mm =                     # full width at half maximum on the sample, 0 for a point; left
+#                               # out: measured on the white, whose own glow is given below
 
 [camera]                        # from the data sheet and a short dark frame
 # gain_e_per_dn =               # electrons per count
@@ -127,7 +128,6 @@ mod tests {
         let mut text = draft.to_toml();
         for (field, filled) in [
             ("eta", "1.5"),
-            ("beam.fwhm_mm", "0.3"),
             ("geometry.mm_per_pixel", "0.05"),
             ("reference.frames[0].exposure_s", "0.1"),
             ("reference.reflectance", "0.99"),

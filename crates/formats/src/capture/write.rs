@@ -44,7 +44,7 @@ impl Capture {
         }
         if *beam != Beam::default() {
             text.section("beam");
-            text.number("fwhm_mm", beam.fwhm_mm);
+            text.optional("fwhm_mm", beam.fwhm_mm);
             text.optional("u_fwhm_mm", beam.u_fwhm_mm);
             let profile = match beam.profile {
                 BeamProfile::Gaussian => "gaussian",
@@ -101,6 +101,10 @@ impl Capture {
         text.per_channel(
             "sigma_s_prime_per_mm",
             reference.sigma_s_prime_per_mm.as_ref(),
+        );
+        text.optional(
+            "u_sigma_s_prime_relative",
+            reference.u_sigma_s_prime_relative,
         );
         text.per_channel("sigma_a_per_mm", reference.sigma_a_per_mm.as_ref());
         text.optional("eta", reference.eta);

@@ -25,7 +25,7 @@ impl Row {
         tally: &TallySpec,
         seed: u64,
     ) -> Result<Simulation, InvalidSimulation> {
-        Simulation::new(self.medium.clone(), self.incidence, tally, seed)
+        Simulation::new(self.medium.clone(), self.incidence.clone(), tally, seed)
     }
 }
 

@@ -94,6 +94,7 @@ pub(crate) fn given(model: ModelChoice, eta: f64) -> Given {
         beam: Beam::Point,
         u_fwhm_mm: 0.0,
         pixel_mm: 0.0,
+        variants: vec![],
     }
 }
 

@@ -47,6 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             comparison: vec![],
             verdict: vec![],
             confirmation: vec![],
+            beam: vec![],
             merge: vec!["13 of 13 frames were used, from 0.001 s to 4 s.".to_owned()],
             tool: "beamspot 0.1.0",
             inputs: vec![Input {
