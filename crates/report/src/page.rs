@@ -487,13 +487,10 @@ fn budgets(out: &mut String, report: &Report) {
 
 /// A share in percent, as a bar with its number.
 fn bar(percent: f64) -> String {
-    let width = percent.clamp(0.0, 100.0);
     format!(
-        "<svg width=\"60\" height=\"9\" role=\"img\" aria-label=\"{0} %\" \
-         xmlns=\"http://www.w3.org/2000/svg\"><rect class=\"share\" width=\"{1}\" \
-         height=\"9\"/></svg> {0} %",
-        fixed(percent, 1),
-        fixed(0.6 * width, 1)
+        "<span class=\"bar\" style=\"width:{}px\"></span> {} %",
+        fixed(0.6 * percent.clamp(0.0, 100.0), 1),
+        fixed(percent, 1)
     )
 }
 
