@@ -25,7 +25,7 @@ from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 CAMERA = """\
 width = 96
 height = 96
-mm_per_pixel = 0.4
+mm_per_pixel = {mm_per_pixel}
 beam_fwhm_mm = 1.2
 channels = "{channels}"
 exposures_s = [0.001, 0.02, 0.5]
@@ -66,9 +66,9 @@ def refused(folder, *words):
 class Capture:
     """A synthetic capture: its manifest, and frames by name with their exposure times."""
 
-    def __init__(self, folder, channels):
+    def __init__(self, folder, channels, mm_per_pixel=0.4):
         camera = folder / "camera.toml"
-        camera.write_text(CAMERA.format(channels=channels))
+        camera.write_text(CAMERA.format(channels=channels, mm_per_pixel=mm_per_pixel))
         self.folder = folder / "capture"
         done = run("synth", "--material", "marble", "--camera", camera, "-o", self.folder)
         assert done.returncode == 0, done.stderr
@@ -125,7 +125,8 @@ def rgb(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def bayer(tmp_path_factory):
-    return Capture(tmp_path_factory.mktemp("bayer"), f'rgb"\nmosaic = "{PATTERN}')
+    # A spot of several photosites of each colour.
+    return Capture(tmp_path_factory.mktemp("bayer"), f'rgb"\nmosaic = "{PATTERN}', 0.2)
 
 
 def tiff(**options):
