@@ -3,8 +3,10 @@
 //!
 //! It shares with the budget what it is told of the inputs, and nothing of how they get into the
 //! coefficients: no derivative, no linearity, no elimination of nuisances.
+//!
+//! The light is the model's own: what the model's error against transport adds is not drawn, and
+//! the spread stands beside the other lines of the budget.
 
-use crate::discrepancy::Discrepancy;
 use crate::error::Result;
 use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative};
 use physics::{Blur, Coefficients, Footprints, ProfilePoint, RadialProfile, TotalReflectance};
@@ -91,27 +93,14 @@ impl Channel<'_> {
         };
         let mut light = vec![0.0; points.len()];
         Footprints::new(&points, &blur).reflectance(&*model, medium, &mut light);
-        let error = if given.discrepancy {
-            Discrepancy::of(&given.model.name, eta, medium)
-        } else {
-            None
-        };
-        let wrong: [f64; Discrepancy::WAYS] = std::array::from_fn(|_| normal());
-        let off = |ways: [f64; Discrepancy::WAYS]| -> f64 {
-            1.0 + wrong.iter().zip(ways).map(|(z, w)| z * w).sum::<f64>()
-        };
         let seen = scale * truth.entry_factor(eta) * exit_factor(given.exit, eta)
             / exit_factor(given.exit, given.eta);
-        for (p, light) in points.iter().zip(&mut light) {
+        for light in &mut light {
             *light *= seen * length * length;
-            *light *= error.as_ref().map_or(1.0, |e| off(e.relative(p.radius_mm)));
         }
         let total = self.total.map(|t| {
             let radius = t.radius_max_mm.map_or(f64::INFINITY, stretched);
-            let off = error
-                .as_ref()
-                .map_or(1.0, |e| off(e.relative_within(radius)));
-            seen * model.within(medium, radius).value * off
+            seen * model.within(medium, radius).value
         });
         let circle = self.total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
         let (mut noise_within, mut variance_within) = (0.0, 0.0);

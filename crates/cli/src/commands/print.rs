@@ -189,17 +189,26 @@ pub(crate) fn bootstraps(
     bootstraps: &[Bootstrap],
 ) -> Result<()> {
     for (fit, b) in fits.iter().zip(bootstraps) {
+        // Replicas are of light that the model itself makes.
+        let lines = fit
+            .budget
+            .iter()
+            .filter(|c| !c.source.starts_with("model "));
+        let (u_a, u_s) = lines.fold((0.0_f64, 0.0_f64), |(a, s), c| {
+            (a.hypot(c.u_sigma_a), s.hypot(c.u_sigma_s_prime))
+        });
         line(
             out,
             format!(
-                "{}: {} replicas ({} failed) spread by {} and {} mm^-1; the budget says {} and {}",
+                "{}: {} replicas ({} failed) spread by {} and {} mm^-1; the budget without model \
+                 error says {} and {}",
                 fit.channel,
                 b.replicas,
                 b.failed,
                 significant(b.u_sigma_a_per_mm, 3),
                 significant(b.u_sigma_s_prime_per_mm, 3),
-                significant(fit.sigma_a.u, 3),
-                significant(fit.sigma_s_prime.u, 3)
+                significant(u_a, 3),
+                significant(u_s, 3)
             ),
         )?;
     }
