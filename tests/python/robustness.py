@@ -129,9 +129,20 @@ def leastsq(fit, start):
     return of_one(fit, x[0])
 
 
+def scaled(fit, start):
+    """chi^2 over that of the start: unscaled, both SLSQP leave the domain in their first step."""
+    first = fit.two(np.log(start))[0]
+
+    def objective(p):
+        value, slope = fit.two(p)
+        return value / first, slope / first
+
+    return objective
+
+
 def slsqp(fit, start):
     found = optimize.minimize(
-        fit.two,
+        scaled(fit, start),
         np.log(start),
         jac=True,
         method="SLSQP",
@@ -146,8 +157,10 @@ def slsqp(fit, start):
 
 
 def ld_slsqp(fit, start):
+    chi2 = scaled(fit, start)
+
     def objective(p, gradient):
-        value, slope = fit.two(p)
+        value, slope = chi2(p)
         if gradient.size:
             gradient[:] = slope
         return float(value)
