@@ -149,8 +149,8 @@ fn a_shift_of_a_mosaic_is_in_its_own_pixels() {
     let file = "sample/sample_02.tif";
     std::fs::copy(other.join("capture").join(file), loaded.folder.join(file)).unwrap();
     let error = radiance(&loaded, &Silent).unwrap_err().to_string();
-    assert!(error.contains("sample_02.tif: shifted by"), "{error}");
-    let px: f64 = error.split("shifted by ").nth(1).unwrap()[..4]
+    assert!(error.contains("sample_02.tif: shifted against"), "{error}");
+    let px: f64 = error.split("still off by ").nth(1).unwrap()[..4]
         .parse()
         .unwrap();
     assert!((px - 1.0).abs() < 0.1, "{error}");

@@ -413,7 +413,10 @@ fn wrong_usage() {
         path,
         &fit(&["--model", "tripole"]),
         2,
-        &["tripole", "dipole, jensen2001, better-dipole, kienle-patterson"],
+        &[
+            "tripole",
+            "dipole, jensen2001, better-dipole, kienle-patterson",
+        ],
     );
     refused(
         path,

@@ -128,7 +128,7 @@ pub fn brdf(
     monitor: &dyn Monitor,
 ) -> Result<BrdfResult> {
     let (text, inputs) = match medium.to_str().and_then(shipped) {
-        Some(text) if !medium.exists() => (text.to_owned(), vec![]),
+        Some(text) if !medium.is_file() => (text.to_owned(), vec![]),
         _ => (read_text(medium)?, vec![PathBuf::from(medium)]),
     };
     let file = medium_toml::parse(&text).input(medium.display())?;
