@@ -164,8 +164,8 @@ fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point,
         };
         let step = (next - tau).abs();
         tau = next;
-        // Newton's next step would be of the order of this one's square.
-        if step <= 1e-9 * tau || high - low <= 1e-15 * tau {
+        // To rounding: near the bound, and for dark media, Newton's steps shrink slowly.
+        if step <= 1e-14 * tau || high - low <= 1e-15 * tau {
             break;
         }
     }
