@@ -5,7 +5,7 @@
 //! a radius at nodes of η, g, k = √(3(1 − α′)) and ln ρ, ρ = σₜ′r: the training set. At a medium
 //! between its nodes the error is taken as
 //!
-//! [`SHAPE`]·Σ_g z_g δ_g(ρ) + [`LOOSE`]·a(ρ)·(a Gaussian process in ln ρ of unit variance),
+//! `SHAPE`·Σ_g z_g δ_g(ρ) + `LOOSE`·a(ρ)·(a Gaussian process in ln ρ of unit variance),
 //!
 //! with one unknown z_g of mean 0 and variance 1 for each g of the training set, since a closed
 //! form knows no g, and a(ρ) the root mean square of δ_g over g. The first terms are the shapes
