@@ -241,6 +241,8 @@ impl Init {
             "geometry.mm_per_pixel: what one pixel sees of the sample",
             "camera.gain_e_per_dn, read_noise_e, black_level_dn, white_level_dn: the sensor",
             "reference.reflectance: of the white, from its certificate",
+            "reference.sigma_s_prime_per_mm, sigma_a_per_mm: of the white, which glows, so that its \
+             picture shows the beam; else beam.fwhm_mm",
         ] {
             unknown.push(line.to_owned());
         }

@@ -22,9 +22,10 @@ const PARTS: usize = 4;
 const RING_ERROR: f64 = 2e-3;
 const HEART_ERROR: f64 = 1e-2;
 
-/// The same over the peak, for every ring: what a glow that is known to some percent leaves of the
-/// white's own light where the beam has ended. Without it far rings, which are all glow, would
-/// settle how much light the near ones have.
+/// The same over the peak, for every ring, in the weights alone: what a glow that is known to some
+/// percent leaves of the white's own light where the beam has ended. Without it far rings, which
+/// are all glow, would settle how much light the near ones have. No noise: whoever knows the glow's
+/// uncertainty measures the beam by another glow, too.
 const GLOW_ERROR: f64 = 5e-4;
 
 /// Prior standard deviation of the second difference between neighbouring nodes, over the peak.
@@ -61,7 +62,7 @@ pub struct MeasuredBeam {
 ///
 /// The picture is the spread convolved with the glow. The spread is a density that is linear
 /// between nodes at the edges of the rings, at least 0 everywhere, and as smooth as the picture
-/// allows (Tikhonov's second difference, [`BEND`] of the peak); least squares find it. Without a
+/// allows (Tikhonov's second difference, `BEND` of the peak); least squares find it. Without a
 /// glow the white is an ideal surface, whose picture is the spread itself.
 ///
 /// # Errors
@@ -77,7 +78,7 @@ pub fn measure_beam(
     let (spread, fitted) = design.solve(&rings, &values).ok_or(ProfileError::NoBeam)?;
     let copies: Vec<RadialSpread> = (0..COPIES)
         .filter_map(|copy| {
-            let off: Vec<f64> = (rings.points.iter().zip(&rings.u).enumerate())
+            let off: Vec<f64> = (rings.points.iter().zip(&rings.noise).enumerate())
                 .map(|(ring, (p, u))| p.reflectance_per_mm2 + sign(copy, ring) * u)
                 .collect();
             Some(design.solve(&rings, &off)?.0)
@@ -110,6 +111,8 @@ fn sign(copy: usize, ring: usize) -> f64 {
 struct Rings {
     points: Vec<ProfilePoint>,
     /// Standard uncertainty of each, with what rings of pixels cannot follow.
+    noise: Vec<f64>,
+    /// The same with what a glow may be off by: the weights.
     u: Vec<f64>,
     /// Radius at half of the peak, mm.
     half_mm: f64,
@@ -148,18 +151,18 @@ impl Rings {
             return None;
         }
         let points = white.points[..count].to_vec();
-        let u = points
+        let noise: Vec<f64> = points
             .iter()
             .enumerate()
             .map(|(ring, p)| {
                 let share = if ring < 2 { HEART_ERROR } else { RING_ERROR };
-                (share * p.reflectance_per_mm2)
-                    .hypot(GLOW_ERROR * peak)
-                    .hypot(p.u_reflectance_per_mm2)
+                (share * p.reflectance_per_mm2).hypot(p.u_reflectance_per_mm2)
             })
             .collect();
+        let u = noise.iter().map(|u| u.hypot(GLOW_ERROR * peak)).collect();
         Some(Self {
             points,
+            noise,
             u,
             half_mm,
             reach_mm: edges[last],
