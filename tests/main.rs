@@ -12,4 +12,6 @@ mod geometry;
 mod layers;
 mod mosaic;
 mod recovery;
+mod response;
+mod stray;
 mod transport;

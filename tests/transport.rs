@@ -82,6 +82,7 @@ fn fitted(run: &Run, choice: &ModelChoice) -> Fit {
         u_total_reflectance: run.total.1,
         radius_max_mm: None,
         u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
     };
     let profile = RadialProfile { channel, points };
     let model = model(choice, run.eta).unwrap();

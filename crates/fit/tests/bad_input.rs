@@ -46,6 +46,7 @@ fn run_with(profile: &RadialProfile, options: &FitOptions) -> Result<Fit, FitErr
         u_total_reflectance: 0.002,
         radius_max_mm: None,
         u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
     };
     let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
     fit(profile, Some(&total), &model, options)

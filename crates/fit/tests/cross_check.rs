@@ -38,6 +38,7 @@ fn total(value: f64, u: f64) -> TotalReflectance {
         u_total_reflectance: u,
         radius_max_mm: None,
         u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
     }
 }
 

@@ -126,6 +126,7 @@ fn many_at_once_are_the_same_as_one_by_one_and_the_broken_ones_stop_nobody() {
                 u_total_reflectance: many.u_totals[n],
                 radius_max_mm: None,
                 u_scale_relative: 0.0,
+                u_offset_per_mm2: 0.0,
             };
             match fit(&profile, Some(&total), &model, &options) {
                 Ok(one) => {

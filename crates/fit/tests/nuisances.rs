@@ -122,6 +122,7 @@ fn capture(
         u_total_reflectance: variance.sqrt(),
         radius_max_mm: Some(REACH_MM),
         u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
     };
     (RadialProfile { channel, points }, total)
 }

@@ -24,6 +24,8 @@ pub const DEFAULT_U_MM_PER_PIXEL_RELATIVE: f64 = 0.005;
 pub const DEFAULT_U_CORNERS_RELATIVE: f64 = 0.005;
 /// Relative standard uncertainty of a beam's width given without one.
 pub const DEFAULT_U_FWHM_RELATIVE: f64 = 0.05;
+/// Standard uncertainty of an angle of beam or camera given without one, degrees.
+pub const DEFAULT_U_ANGLE_DEG: f64 = 1.0;
 /// Standard uncertainty of the white's reflectance given without one.
 pub const DEFAULT_U_REFLECTANCE: f64 = 0.01;
 /// Relative standard uncertainty of the white's own σₛ′ given without one: that of one white to
@@ -132,6 +134,8 @@ pub struct Beam {
     pub profile: BeamProfile,
     /// Angle between beam and surface normal, degrees; default 0.
     pub angle_deg: f64,
+    /// Its standard uncertainty, degrees; [`DEFAULT_U_ANGLE_DEG`] where absent.
+    pub u_angle_deg: Option<f64>,
 }
 
 /// How counts follow light.
@@ -140,6 +144,8 @@ pub struct Beam {
 pub enum Response {
     /// In proportion.
     Linear,
+    /// By a curve of 8 bits, which is recovered from the frames.
+    Recover,
 }
 
 /// `[camera]`: what is absent is estimated from the frames.
@@ -148,6 +154,8 @@ pub enum Response {
 pub struct Camera {
     /// Angle between line of sight and surface normal, degrees; where absent that of the corners, or 0.
     pub angle_deg: Option<f64>,
+    /// Its standard uncertainty, degrees; [`DEFAULT_U_ANGLE_DEG`] where absent.
+    pub u_angle_deg: Option<f64>,
     /// Electrons per count.
     pub gain_e_per_dn: Option<f64>,
     /// Standard deviation of one read-out, electrons.
@@ -158,7 +166,8 @@ pub struct Camera {
     pub white_level_dn: Option<f64>,
     /// Standard deviation of the pixels' relative sensitivity; default 0.
     pub prnu_relative: f64,
-    /// The response; linear where absent, but 8-bit frames want it stated.
+    /// The response; linear where absent, but 8-bit frames want it stated. [`Response::Recover`]
+    /// excludes gain, read noise and levels, which are those of linear counts.
     pub response: Option<Response>,
     /// Pattern of the colour filter array, row by row from the first pixel, where gray files are
     /// mosaics and do not say so themselves; `RGGB` and the like, or the 36 letters of X-Trans.
@@ -365,7 +374,7 @@ impl<F> Capture<F> {
     ///
     /// What the camera leaves out is not assumed but estimated, and not listed.
     pub fn assumptions(&self) -> Vec<Assumption> {
-        let (beam, reference) = (&self.beam, &self.reference);
+        let (beam, camera, reference) = (&self.beam, &self.camera, &self.reference);
         let white = reference.sigma_s_prime_per_mm.is_some();
         [
             (self.u_eta.is_none(), "u_eta", self.u_eta()),
@@ -383,6 +392,18 @@ impl<F> Capture<F> {
                 beam.u_fwhm_mm.is_none() && beam.fwhm_mm.is_some_and(|width| width > 0.0),
                 "beam.u_fwhm_mm",
                 beam.u_fwhm_mm(),
+            ),
+            (
+                beam.u_angle_deg.is_none() && beam.angle_deg > 0.0,
+                "beam.u_angle_deg",
+                beam.u_angle_deg(),
+            ),
+            (
+                camera.u_angle_deg.is_none()
+                    && (camera.angle_deg.is_some_and(|angle| angle > 0.0)
+                        || self.geometry.corners_mm.is_some()),
+                "camera.u_angle_deg",
+                camera.u_angle_deg(),
             ),
             (
                 reference.u_reflectance.is_none(),
@@ -445,7 +466,19 @@ impl Geometry {
     }
 }
 
+impl Camera {
+    /// Standard uncertainty of the angle of view, degrees, stated or by default.
+    pub fn u_angle_deg(&self) -> f64 {
+        self.u_angle_deg.unwrap_or(DEFAULT_U_ANGLE_DEG)
+    }
+}
+
 impl Beam {
+    /// Standard uncertainty of the beam's angle, degrees, stated or by default.
+    pub fn u_angle_deg(&self) -> f64 {
+        self.u_angle_deg.unwrap_or(DEFAULT_U_ANGLE_DEG)
+    }
+
     /// Standard uncertainty of `fwhm_mm`, mm, stated or by default; 0 where there is no width.
     pub fn u_fwhm_mm(&self) -> f64 {
         self.u_fwhm_mm

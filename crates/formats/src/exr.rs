@@ -29,6 +29,7 @@ const VIEW: &str = "beamspot.view_mm";
 const MM_PER_PIXEL: &str = "beamspot.mm_per_pixel";
 /// Followed by a channel's name: attribute with the uncertainty of its scale.
 const U_SCALE: &str = "beamspot.u_scale_relative.";
+const U_OFFSET: &str = "beamspot.u_offset_per_mm2.";
 /// Followed by a key: attribute with a note on where the picture comes from.
 const PROVENANCE: &str = "beamspot.provenance.";
 /// Ending of the name of a variance layer.
@@ -44,6 +45,8 @@ pub struct ChannelScale {
     pub channel: String,
     /// Relative standard uncertainty of the scale, which every pixel of the channel shares.
     pub u_scale_relative: f64,
+    /// Standard uncertainty of an even light that every pixel has or lacks, mm⁻².
+    pub u_offset_per_mm2: f64,
 }
 
 /// A merged picture and what must travel with it.
@@ -147,6 +150,7 @@ mod tests {
         let scale = |channel: &str| ChannelScale {
             channel: channel.to_owned(),
             u_scale_relative: 0.1 + 0.2,
+            u_offset_per_mm2: 1e-7,
         };
         RadianceFile {
             map: Cow::Owned(RadianceMap {

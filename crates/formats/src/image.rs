@@ -97,7 +97,8 @@ pub enum ImageError {
     #[error(
         "found 8 bits per sample, which are in proportion to light in hardly any file: save the \
          frames from the camera in 16 bits, or, where the camera wrote its counts as they are, \
-         state it in the manifest: `response = \"linear\"` under `[camera]`"
+         state it in the manifest: `response = \"linear\"` under `[camera]`; \
+         `response = \"recover\"` finds the curve from the frames, at a cost in accuracy"
     )]
     EightBits,
     /// A text header that makes no sense.

@@ -4,12 +4,13 @@ use crate::csv_table::{self, Column, CsvError, Expected, number, optional, requi
 use physics::TotalReflectance;
 use std::io::{Read, Write};
 
-const COLUMNS: &[Column; 5] = &[
+const COLUMNS: &[Column; 6] = &[
     required("channel"),
     required("total_reflectance"),
     required("u_total_reflectance"),
     optional("radius_max_mm"),
     required("u_scale_relative"),
+    optional("u_offset_per_mm2"),
 ];
 
 /// The totals of every channel; an empty radius means the whole plane.
@@ -34,6 +35,9 @@ pub fn read(input: impl Read) -> Result<Vec<TotalReflectance>, CsvError> {
             u_total_reflectance: row.number(2, Expected::NotNegative)?,
             radius_max_mm: row.number_or_blank(3, Expected::Positive)?,
             u_scale_relative: row.number(4, Expected::NotNegative)?,
+            u_offset_per_mm2: row
+                .number_or_blank(5, Expected::NotNegative)?
+                .unwrap_or(0.0),
         });
     }
     Ok(totals)
@@ -52,6 +56,7 @@ pub fn write(totals: &[TotalReflectance], out: impl Write) -> Result<(), CsvErro
             number(total.u_total_reflectance),
             csv_table::number_or_blank(total.radius_max_mm),
             number(total.u_scale_relative),
+            number(total.u_offset_per_mm2),
         ]
     });
     csv_table::write(out, COLUMNS, rows)
@@ -69,6 +74,7 @@ mod tests {
             u_total_reflectance: 1e-5,
             radius_max_mm: Some(20.48),
             u_scale_relative: 0.005,
+            u_offset_per_mm2: 1e-8,
         };
         let whole = TotalReflectance {
             channel: "B".to_owned(),
@@ -79,8 +85,10 @@ mod tests {
         write(&[total.clone(), whole.clone()], &mut out).unwrap();
         assert_eq!(
             String::from_utf8(out.clone()).unwrap(),
-            "channel,total_reflectance,u_total_reflectance,radius_max_mm,u_scale_relative\n\
-             G,0.30000000000000004,1e-5,20.48,0.005\nB,0.30000000000000004,1e-5,,0.005\n"
+            "channel,total_reflectance,u_total_reflectance,radius_max_mm,u_scale_relative,\
+             u_offset_per_mm2\n\
+             G,0.30000000000000004,1e-5,20.48,0.005,1e-8\n\
+             B,0.30000000000000004,1e-5,,0.005,1e-8\n"
         );
         assert_eq!(read(out.as_slice()).unwrap(), [total, whole]);
     }

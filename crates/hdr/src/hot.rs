@@ -19,6 +19,8 @@ const ENOUGH: usize = 1 << 16;
 pub(crate) struct Level {
     /// DN.
     pub(crate) median: f32,
+    /// Mean of the ordinary samples, DN: of whole counts it says more than the median does.
+    pub(crate) mean: f64,
     /// Standard deviation, DN.
     pub(crate) spread: f32,
 }
@@ -47,6 +49,12 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
             values.extend(level);
         }
         let median = median(&mut values);
+        let ordinary = HOT * noise(median);
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for value in values.iter().filter(|v| (*v - median).abs() <= ordinary) {
+            sum += f64::from(*value);
+            count += 1.0;
+        }
         for value in &mut values {
             *value = (*value - median).abs();
         }
@@ -54,6 +62,7 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
         let spread = 1.4826 * self::median(&mut values);
         Level {
             median,
+            mean: sum / count.max(1.0),
             spread: spread.max(noise(median)),
         }
     };
@@ -89,6 +98,8 @@ mod tests {
             levels[1],
             Level {
                 median: 500.0,
+                // Without the one that is ten deviations off.
+                mean: 500.0 + 3.0 / 39.0,
                 spread: 1.0
             }
         );

@@ -55,6 +55,8 @@ pub struct Merge {
     dark: LastDark,
     /// Σt of all frames, s.
     time: f64,
+    /// Σ(dark − black) of an ordinary sample, DN, all channels together.
+    dark_sum: f64,
     /// What rounding adds to the variance of the last frame, DN².
     rounding_variance: f64,
     frames: Vec<FrameReport>,
@@ -98,6 +100,8 @@ pub struct MergeReport {
     pub frames: Vec<FrameReport>,
     /// The channels, in the order of the camera.
     pub channels: Vec<ChannelReport>,
+    /// What the darks took off an ordinary sample that every frame measured, DN/s.
+    pub dark_dn_per_s: f64,
 }
 
 impl Merge {
@@ -128,6 +132,7 @@ impl Merge {
             sets: Sets::new(),
             dark: LastDark::default(),
             time: 0.0,
+            dark_sum: 0.0,
             rounding_variance: 0.0,
             frames: vec![],
         })
@@ -198,6 +203,7 @@ impl Merge {
             let charge = (f64::from(level) - sensor.black_level_dn).max(0.0);
             (((read + charge / sensor.gain_e_per_dn) / darks).sqrt()) as f32
         });
+        let level = levels.iter().map(|level| level.mean).sum::<f64>() / channels as f64;
         let warm: Vec<f32> = levels.iter().map(|level| level.beyond(WARM)).collect();
         let tables = self.sets.extend(Set {
             time: measured_s,
@@ -243,6 +249,7 @@ impl Merge {
         }
         self.sets.retain(&of_set);
         self.time += measured_s;
+        self.dark_sum += level - self.sensor.black_level_dn;
         let pixels = (width * height) as u64;
         self.frames.push(FrameReport {
             exposure_s,
@@ -298,6 +305,8 @@ impl Merge {
             mut set,
             dark,
             frames,
+            time,
+            dark_sum,
             ..
         } = self;
 
@@ -359,6 +368,7 @@ impl Merge {
             MergeReport {
                 frames,
                 channels: reports,
+                dark_dn_per_s: dark_sum / time,
             },
         ))
     }

@@ -24,6 +24,7 @@ pub fn unfolded(
     };
     let (hot, everywhere) = (of(|c| c.hot), of(|c| c.saturated_everywhere));
     let report = MergeReport {
+        dark_dn_per_s: report.dark_dn_per_s,
         frames: report
             .frames
             .iter()

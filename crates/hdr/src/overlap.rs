@@ -18,6 +18,9 @@ use shift::Blocks;
 /// dark that has drifted too much.
 const DIM: f64 = 0.01;
 
+/// Share of the range up to which a frame measures a pixel, for what its exposure's error does.
+const MEASURED: f64 = 0.95;
+
 /// Fewest samples that make a ratio.
 const LEAST: u64 = 100;
 
@@ -178,12 +181,73 @@ fn median(chain: &[(f64, f64)]) -> (f64, f64) {
 }
 
 impl Comparison {
+    /// Relative standard uncertainty with which each ratio of neighbouring exposures took part in
+    /// a merge: that of the overlap where measured exposures were used; where stated ones were,
+    /// how far the overlap contradicts them, if it does beyond chance.
+    fn u_links(&self) -> Vec<f64> {
+        let measured = self.prefers_measured();
+        let contradicted = self.contradicts();
+        self.links
+            .iter()
+            .map(|link| match link.ratio {
+                Some(ratio) if measured => ratio.u / ratio.value,
+                Some(ratio) if contradicted => ratio.value.ln().abs(),
+                _ => 0.0,
+            })
+            .collect()
+    }
+
+    /// Relative error that one standard uncertainty of each link leaves in the merged value of a
+    /// pixel of `rate_dn_per_s`, by a sensor of `range_dn` from black to white.
+    ///
+    /// A pixel is measured by the frames that it does not saturate. Exposures are on the scale on
+    /// which the median frame is as stated, so that a link moves the frames on its far side.
+    pub fn relative_errors(&self, rate_dn_per_s: f64, range_dn: f64) -> Vec<f64> {
+        let order: Vec<f64> = self.frames.iter().map(|f| f.deviation().abs()).collect();
+        // The frame that is nearest to its own statement is the median, on whose scale all are.
+        let median = (0..order.len())
+            .min_by(|a, b| order[*a].total_cmp(&order[*b]))
+            .unwrap_or(0);
+        let used: Vec<f64> = self
+            .frames
+            .iter()
+            .map(|f| {
+                let seen = rate_dn_per_s * f.measured_s <= MEASURED * range_dn;
+                if seen { f.measured_s } else { 0.0 }
+            })
+            .collect();
+        let time: f64 = used.iter().sum();
+        self.u_links()
+            .into_iter()
+            .enumerate()
+            .map(|(link, u)| {
+                if time == 0.0 {
+                    return 0.0;
+                }
+                // Frames up to `link` are on the near side, those after it on the far side.
+                let moved: f64 = if median <= link {
+                    used[link + 1..].iter().sum()
+                } else {
+                    -used[..=link].iter().sum::<f64>()
+                };
+                -u * moved / time
+            })
+            .collect()
+    }
+
     /// Whether the measured exposures are significantly better than the nominal ones.
     ///
     /// Nominal exposures are exact or off by what a shutter makes; measured ones have the noise of
     /// the overlap, which adds up along the chain. So they are worth it where χ² of the ratios is
     /// beyond chance and the deviations are larger than matters nowhere else.
     pub fn prefers_measured(&self) -> bool {
+        let deviations = self.frames.iter().map(|f| f.deviation().powi(2));
+        let rms = (deviations.sum::<f64>() / self.frames.len().max(1) as f64).sqrt();
+        self.contradicts() && rms > NEGLIGIBLE
+    }
+
+    /// Whether the overlap contradicts the nominal exposures beyond chance, by however little.
+    fn contradicts(&self) -> bool {
         let squares: Vec<f64> = self
             .links
             .iter()
@@ -191,9 +255,7 @@ impl Comparison {
             .map(|r| (r.value.ln() / (r.u / r.value)).powi(2))
             .collect();
         let n = squares.len() as f64;
-        let deviations = self.frames.iter().map(|f| f.deviation().powi(2));
-        let rms = (deviations.sum::<f64>() / self.frames.len().max(1) as f64).sqrt();
-        squares.iter().sum::<f64>() > n + SURE * (2.0 * n).sqrt() && rms > NEGLIGIBLE
+        squares.iter().sum::<f64>() > n + SURE * (2.0 * n).sqrt()
     }
 }
 

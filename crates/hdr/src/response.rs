@@ -5,6 +5,7 @@
 //! linear file of 16 bits is limited by photons alone.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use physics::Sensor;
 use thiserror::Error;
 
 /// Codes of 8 bits.
@@ -42,6 +43,24 @@ pub struct Response {
     pub u: Vec<f64>,
     /// Standard deviation of a sample of the middle code about the curve, in ln of exposure.
     pub scatter: f64,
+    /// The independent ways in which the curve may be off, each for one standard deviation, in ln
+    /// of exposure at each code: those that matter most where codes say most.
+    pub ways: Vec<Vec<f64>>,
+}
+
+/// A curve as counts in proportion to light, and the sensor that they would be of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear {
+    /// The count of each code, DN; none at code 0.
+    pub counts: Vec<f32>,
+    /// As [`Response::ways`]: relative errors of the counts.
+    pub ways: Vec<Vec<f64>>,
+    /// What noise the counts have, and from where on they are saturated.
+    pub sensor: Sensor,
+    /// As [`Response::scatter`].
+    pub scatter: f64,
+    /// Largest standard uncertainty of the curve, relative, between codes 20 and 235.
+    pub u_relative: f64,
 }
 
 /// Pixels that show no response.
@@ -151,7 +170,126 @@ pub fn recover(codes: &[u8], exposures_s: &[f64]) -> Result<Response, ResponseEr
         ln_exposure,
         u,
         scatter: scatter.sqrt(),
+        ways: ways(&(covariance * (ALIKE * ALIKE * scatter))),
     })
+}
+
+/// Ways that are kept of the curve's covariance.
+const WAYS: usize = 8;
+
+/// The principal axes of `covariance`, every code weighing as much as its samples do.
+fn ways(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    // A way at a code without weight, times no weight.
+    let weight = |z: usize| hat(z as u8).max(1e-3);
+    let weighted = DMatrix::from_fn(CODES, CODES, |i, j| {
+        weight(i) * weight(j) * covariance[(i, j)]
+    });
+    let axes = weighted.symmetric_eigen();
+    let mut order: Vec<usize> = (0..CODES).collect();
+    order.sort_by(|a, b| axes.eigenvalues[*b].total_cmp(&axes.eigenvalues[*a]));
+    let axis = |k: &usize| {
+        let length = axes.eigenvalues[*k].max(0.0).sqrt();
+        (0..CODES)
+            .map(|z| length * axes.eigenvectors[(z, *k)] / weight(z))
+            .collect()
+    };
+    order[..WAYS].iter().map(axis).collect()
+}
+
+/// Counts of codes 254 and 255, DN: what is brighter than the former is saturated.
+const FULL_DN: f64 = 50_000.0;
+const SATURATED_DN: f64 = 52_000.0;
+
+/// Codes that show the noise of light rather than that of rounding or of the curve's ends.
+const CLEAR: std::ops::RangeInclusive<u8> = 20..=235;
+
+impl Response {
+    /// The curve as counts, and the noise of such counts among the `codes` that it was recovered
+    /// from: in proportion to the light, as that of photons is, beside half a code at the dark end.
+    pub fn linear(&self, codes: &[u8], exposures_s: &[f64]) -> Linear {
+        let full = self.ln_exposure[CODES - 2];
+        let mut counts: Vec<f64> = self
+            .ln_exposure
+            .iter()
+            .map(|ln| FULL_DN * (ln - full).exp())
+            .collect();
+        counts[0] = 0.0;
+        counts[CODES - 1] = SATURATED_DN;
+        let mut squares = vec![];
+        for pixel in codes.chunks_exact(exposures_s.len().max(1)) {
+            let seen = pixel.iter().zip(exposures_s);
+            let seen: Vec<_> = seen.filter(|(z, _)| hat(**z) > 0.0).collect();
+            let count = |z: &u8| counts[usize::from(*z)];
+            let (sum, time) = seen.iter().fold((0.0, 0.0), |(sum, time), (z, t)| {
+                (sum + count(z), time + *t)
+            });
+            for (z, t) in seen.iter().filter(|(z, _)| CLEAR.contains(z)) {
+                let expected = sum / time * *t;
+                // What is left of a sample's own noise beside the mean that it is part of.
+                let rest = 1.0 - *t / time;
+                if rest > 0.1 && expected > 0.0 {
+                    squares.push((count(z) - expected).powi(2) / (rest * expected));
+                }
+            }
+        }
+        let per_count = if squares.is_empty() {
+            1.0
+        } else {
+            let middle = squares.len() / 2;
+            // The median of a squared Gaussian is 0.4549 of its variance.
+            *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.454_9
+        };
+        let gain_e_per_dn = 1.0 / per_count.max(1e-6);
+        let step = counts[2] - counts[1];
+        let u_of_clear = self.u[usize::from(*CLEAR.start())..=usize::from(*CLEAR.end())].iter();
+        Linear {
+            ways: self.ways.clone(),
+            sensor: Sensor {
+                gain_e_per_dn,
+                read_noise_e: step / 12.0_f64.sqrt() * gain_e_per_dn,
+                black_level_dn: 0.0,
+                white_level_dn: 0.5 * (FULL_DN + SATURATED_DN),
+                prnu_relative: 0.0,
+            },
+            counts: counts.into_iter().map(|count| count as f32).collect(),
+            scatter: self.scatter,
+            u_relative: u_of_clear.copied().fold(0.0, f64::max),
+        }
+    }
+}
+
+impl Linear {
+    /// Relative error that each of the ways leaves in the merged value of a pixel of
+    /// `rate_dn_per_s`, from frames of `exposures_s`.
+    pub fn relative_errors(&self, rate_dn_per_s: f64, exposures_s: &[f64]) -> Vec<f64> {
+        let seen: Vec<(f64, f64)> = exposures_s
+            .iter()
+            .map(|t| (*t, rate_dn_per_s * t))
+            .filter(|(_, count)| *count <= FULL_DN)
+            .map(|(t, count)| (t, self.code(count)))
+            .collect();
+        let time: f64 = seen.iter().map(|(t, _)| t).sum();
+        let of = |way: &Vec<f64>| {
+            let error = |code: f64| {
+                let below = (code as usize).min(CODES - 2);
+                let place = code - below as f64;
+                way[below] + place * (way[below + 1] - way[below])
+            };
+            let sum: f64 = seen.iter().map(|(t, code)| t * error(*code)).sum();
+            if time > 0.0 { sum / time } else { 0.0 }
+        };
+        self.ways.iter().map(of).collect()
+    }
+
+    /// The code, between whole ones, that `count` would have.
+    fn code(&self, count: f64) -> f64 {
+        let above = self.counts.partition_point(|c| f64::from(*c) <= count);
+        let above = above.clamp(2, CODES - 1);
+        let [low, high] = [above - 1, above].map(|z| f64::from(self.counts[z]));
+        let place = (count - low) / (high - low).max(f64::MIN_POSITIVE);
+        // Below the first code there is nothing that a curve could say.
+        (above - 1) as f64 + place.clamp(0.0, 1.0)
+    }
 }
 
 /// The weight of a code, 1 in the middle: the step of a code in ln of exposure is about as the

@@ -52,4 +52,7 @@ pub struct TotalReflectance {
     /// Relative standard uncertainty of the scale that the total and every point of the profile
     /// share: the white reference.
     pub u_scale_relative: f64,
+    /// Standard uncertainty of an even light that every point of the profile has or lacks, mm⁻²,
+    /// and the total with them: stray light, and what darks leave. 0 where there are no pixels.
+    pub u_offset_per_mm2: f64,
 }

@@ -31,6 +31,20 @@ pub struct RadianceMap {
     pub mosaic: Option<Mosaic>,
 }
 
+impl ChannelMap {
+    /// Mean of the measured pixels; 0 where none was.
+    pub fn mean_measured(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for (value, variance) in self.value.iter().zip(&self.variance) {
+            if variance.is_finite() {
+                sum += f64::from(*value);
+                count += 1.0;
+            }
+        }
+        sum / count.max(1.0)
+    }
+}
+
 impl RadianceMap {
     /// Names of the channels, in the order of the camera: R, G and B of a mosaic.
     pub fn names(&self) -> Vec<&str> {
@@ -83,6 +97,46 @@ impl RadianceMap {
             let own = cell.iter().filter(|c| usize::from(**c) == index).count();
             all / cell.len() * own
         })
+    }
+
+    /// Mean of the measured pixels of each channel, in the order of [`Self::names`]; 0 where none
+    /// was measured.
+    pub fn means(&self) -> Vec<f64> {
+        let (width, mosaic) = (self.width.max(1), self.mosaic);
+        let mut sums = vec![(0.0, 0.0_f64); self.names().len()];
+        for (index, channel) in self.channels.iter().enumerate() {
+            let rows = channel
+                .value
+                .chunks(width)
+                .zip(channel.variance.chunks(width));
+            for (row, (values, variances)) in rows.enumerate() {
+                for (column, (value, variance)) in values.iter().zip(variances).enumerate() {
+                    let of = mosaic.map_or(index, |mosaic| mosaic.colour(column, row));
+                    if variance.is_finite() {
+                        sums[of].0 += f64::from(*value);
+                        sums[of].1 += 1.0;
+                    }
+                }
+            }
+        }
+        sums.into_iter()
+            .map(|(sum, count)| sum / count.max(1.0))
+            .collect()
+    }
+
+    /// Every measured pixel less the offset of its channel.
+    pub fn less(mut self, offsets: &[f64]) -> Self {
+        let (width, mosaic) = (self.width.max(1), self.mosaic);
+        for (index, channel) in self.channels.iter_mut().enumerate() {
+            let pixels = channel.value.iter_mut().zip(&channel.variance);
+            for (at, (value, variance)) in pixels.enumerate() {
+                let of = mosaic.map_or(index, |mosaic| mosaic.colour(at % width, at / width));
+                if variance.is_finite() {
+                    *value = (f64::from(*value) - offsets[of]) as f32;
+                }
+            }
+        }
+        self
     }
 
     /// Every channel times its factor.

@@ -9,6 +9,7 @@
 
 use crate::error::Result;
 use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative};
+use fit::DirectionKind;
 use physics::{Blur, Coefficients, Footprints, ProfilePoint, RadialProfile, TotalReflectance};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -98,10 +99,21 @@ impl Channel<'_> {
         for light in &mut light {
             *light *= seen * length * length;
         }
-        let total = self.total.map(|t| {
+        let mut total = self.total.map(|t| {
             let radius = t.radius_max_mm.map_or(f64::INFINITY, stretched);
             seen * model.within(medium, radius).value
         });
+        for direction in &given.directions {
+            let draw = normal();
+            let off = |value: f64, change: f64| match direction.kind {
+                DirectionKind::Relative => value * (1.0 + draw * change),
+                DirectionKind::Absolute => value + draw * change,
+            };
+            for (light, change) in light.iter_mut().zip(&direction.profile) {
+                *light = off(*light, *change);
+            }
+            total = total.map(|total| off(total, direction.total));
+        }
         let circle = self.total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
         let (mut noise_within, mut variance_within) = (0.0, 0.0);
         let drawn: Vec<ProfilePoint> = self

@@ -4,6 +4,7 @@ use crate::consistency::Consistency;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::Monitor;
 use crate::reading::read_frame;
+use crate::response::{self, Curves};
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
@@ -55,6 +56,8 @@ pub struct Loaded {
     pub input: Input,
     /// Where exposure times were found that it does not state, in sentences.
     pub notes: Vec<String>,
+    /// The response of a camera of 8 bits, once it was recovered.
+    pub curves: Option<Curves>,
 }
 
 /// Which of the two sets of frames.
@@ -162,6 +165,7 @@ pub fn load(path: &Path) -> Result<Loaded> {
         folder,
         input: Input::named_by_itself(path, text.as_bytes()),
         notes,
+        curves: None,
     })
 }
 
@@ -452,6 +456,11 @@ impl Loaded {
         })
     }
 
+    /// What the file of `entry` holds, whatever its counts mean.
+    pub(crate) fn decoded(&self, entry: &FrameEntry) -> Result<Decoded> {
+        Ok(self.read(entry, &mut vec![])?.decoded)
+    }
+
     pub(crate) fn frame(
         &self,
         entry: &FrameEntry,
@@ -508,6 +517,12 @@ impl Loaded {
         seen.see(entry, &input.blake3, &decoded, &metadata, unit)
             .map_err(|error| error.within(self.input.path.display()))?;
         inputs.push(input);
+        if let Some(curves) = &self.curves {
+            response::check(&decoded).map_err(|e| e.within(path.display()))?;
+            return curves
+                .applied(&decoded.frame)
+                .map_err(|e| e.within(path.display()));
+        }
         let stated_linear = camera.response.is_some();
         let frame = decoded.linear(stated_linear).input(path.display())?;
         Ok(match mosaic {

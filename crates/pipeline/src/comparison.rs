@@ -150,6 +150,7 @@ mod tests {
                 u_fwhm_mm: 0.0,
                 pixel_mm: 0.0,
                 variants: vec![],
+                directions: vec![],
             };
             let of_itself = |given: &Given| {
                 let model = library::model(&given.model, given.eta)?;
@@ -175,6 +176,7 @@ mod tests {
                     u_total_reflectance: 1e-3,
                     radius_max_mm: None,
                     u_scale_relative: 0.0,
+                    u_offset_per_mm2: 0.0,
                 };
                 let scale: [ScaleInput; 0] = [];
                 Ok(vec![fit_channel(&profile, Some(&total), &scale, given)?])

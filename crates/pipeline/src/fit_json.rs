@@ -5,6 +5,7 @@ use crate::bootstrap::Bootstrap;
 use crate::capture::Input;
 use crate::comparison::Compared;
 use crate::confirm::Confirmation;
+use crate::stray::{Veil, VeilDocument};
 use crate::verdict::Verdict;
 use fit::{Constraint, Contribution, Estimate, Fit, Termination};
 use serde::Serialize;
@@ -107,6 +108,8 @@ pub struct Channel {
     bootstrap: Option<Bootstrap>,
     #[serde(skip_serializing_if = "Option::is_none")]
     beam: Option<BeamDocument>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stray_light: Option<VeilDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     monte_carlo: Option<Confirmation>,
 }
@@ -211,6 +214,7 @@ impl From<&Fit> for Channel {
             verdict: None,
             bootstrap: None,
             beam: None,
+            stray_light: None,
             monte_carlo: None,
         }
     }
@@ -293,6 +297,15 @@ impl FitDocument {
     pub fn with_beams(mut self, beams: &[ChosenBeam]) -> Self {
         for (channel, beam) in self.channels.iter_mut().zip(beams) {
             channel.beam = Some(beam.into());
+        }
+        self
+    }
+
+    /// The same document with the stray light of each channel.
+    #[must_use]
+    pub fn with_stray_light(mut self, veils: &[Veil]) -> Self {
+        for (channel, veil) in self.channels.iter_mut().zip(veils) {
+            channel.stray_light = Some(veil.into());
         }
         self
     }

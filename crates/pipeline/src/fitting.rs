@@ -3,7 +3,7 @@
 use crate::discrepancy::{Discrepancy, with_grain};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::library::{self, ModelChoice};
-use fit::{Constraint, Contribution, Fit, FitOptions};
+use fit::{Constraint, Contribution, Direction, Fit, FitOptions};
 use physics::footprint::Beam;
 use physics::{
     Blur, Coefficients, Footprints, ForwardModel, Material, ProfilePoint, RadialProfile,
@@ -66,6 +66,8 @@ pub struct Given {
     pub pixel_mm: f64,
     /// Inputs that are each off by one standard uncertainty.
     pub variants: Vec<Variant>,
+    /// Ways in which the data may be off together: the fit carries them along.
+    pub directions: Vec<Direction>,
 }
 
 /// An input that is off, for what that does to the coefficients.
@@ -176,6 +178,7 @@ impl Given {
             entry_factor: self.entry_factor(self.eta),
             u_scale_relative,
             blur: self.blur(),
+            directions: self.directions.clone(),
             ..FitOptions::default()
         }
     }
@@ -310,7 +313,7 @@ impl Case {
             near,
         } = self;
         let model = given.model()?;
-        let directions = near
+        let of_model = near
             .and_then(|near| {
                 let error = Discrepancy::of(&given.model.name, given.eta, near)?;
                 let entry = given.entry_factor(given.eta);
@@ -330,11 +333,11 @@ impl Case {
                 Some(error.directions(&profile.points, &values, total))
             })
             .unwrap_or_default();
-        let options = FitOptions {
-            directions,
+        let mut options = FitOptions {
             near: *near,
             ..given.options(u_scale_relative)
         };
+        options.directions.extend(of_model);
         fit::fit(profile, total.as_ref(), &*model, &options)
             .input(format!("channel {}", profile.channel))
     }

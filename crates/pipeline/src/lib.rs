@@ -9,6 +9,8 @@
 //! | [`monitor`] | progress out, interruption in |
 //! | [`files`] | reading with names, writing whole or not at all |
 //! | [`capture`] | a manifest with its frames: loading, hashing, merging |
+//! | [`response`] | the curve of a camera of 8 bits, recovered |
+//! | [`stray`] | stray light and what darks leave |
 //! | [`sensing`] | the numbers of the camera, stated or found |
 //! | [`init`] | a manifest to be filled in, from a folder of frames |
 //! | [`geometry`] | from the manifest's geometry to a view |
@@ -49,10 +51,12 @@ pub mod monitor;
 pub mod outputs;
 mod reading;
 mod regions;
+pub mod response;
 pub mod sensing;
 pub mod simulation;
 pub mod sphere;
 pub mod spot;
+pub mod stray;
 pub mod synthesis;
 pub mod verdict;
 

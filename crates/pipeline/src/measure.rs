@@ -12,16 +12,24 @@ use crate::geometry;
 use crate::library::{ModelChoice, SlabChoice};
 use crate::monitor::Monitor;
 use crate::regions;
+use crate::response::Curves;
 use crate::sensing::{Found, Sensing};
+use crate::stray::Veil;
 use crate::verdict::{self, Verdict};
-use fit::{Constraint, Fit};
+use fit::{Constraint, Direction, DirectionKind, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
-use physics::{Material, RadialProfile, RadianceMap, ReducedMedium, TotalReflectance};
+use hdr::Comparison;
+use physics::{
+    Material, ProfilePoint, RadialProfile, RadianceMap, ReducedMedium, TotalReflectance, fresnel,
+};
 use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+
+/// Relative standard uncertainty of the scale up to which its cause goes without saying.
+const NO_LINE: f64 = 1e-6;
 
 /// What the caller of a measurement chooses.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +78,15 @@ pub struct Radiance {
     pub scale_inputs: Vec<Vec<ScaleInput>>,
     /// The white of each channel as matter that glows, where the manifest knows it.
     pub whites: Vec<Option<ReducedMedium>>,
+    /// Stray light in the picture of the sample, channel by channel, in units of R_d, mm⁻²:
+    /// already subtracted.
+    pub veils: Vec<Veil>,
+    /// The sample's exposures beside each other.
+    pub exposures: Comparison,
+    /// From black to white, DN.
+    pub range_dn: f64,
+    /// The response of a camera of 8 bits, and the white's exposures, s.
+    pub curves: Option<(Curves, Vec<f64>)>,
     /// Every file that took part.
     pub inputs: Vec<Input>,
     /// What was dropped, and where, in sentences.
@@ -143,6 +160,7 @@ fn refuse_other_camera(loaded: &Loaded, sample: &Merged, reference: &Merged) -> 
 ///
 /// See [`Loaded::merge`]; the reference must show a spot with room around it.
 pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
+    let loaded = &*loaded.with_response(monitor)?;
     let Sensing { sensor, found } = loaded.sensing(monitor)?;
     let steps = loaded.frame_count(Subject::Sample) + loaded.frame_count(Subject::Reference);
     monitor.begin("merging", steps);
@@ -180,15 +198,19 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         0.0
     };
 
+    let u_dark = u_dark(&sample, &reference);
+    let [u_view, u_beam] = u_angles(&loaded.capture, camera_angle.angle);
+    let means = sample.map.means();
     let reflectance = &loaded.capture.reference;
     let mut scales = vec![];
     let mut scale_inputs = vec![];
+    let mut veils = vec![];
     let mut media = vec![];
     for (index, (mut scale, name)) in whites.into_iter().zip(sample.map.names()).enumerate() {
         let medium = reflectance
             .medium(index, count)
             .input(loaded.input.path.display())?;
-        let inputs = vec![
+        let mut inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
                 u_relative: reflectance.u_reflectance() / reflectance.reflectance,
@@ -203,10 +225,29 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
                 u_relative: (1.0 - scale.share) * reflectance.u_sigma_s_prime_relative(),
             },
             ScaleInput {
-                source: "exposure ratios",
+                source: "white reference: stray light",
+                u_relative: scale.u_stray_relative,
+            },
+            ScaleInput {
+                source: "white reference: dark residual",
+                u_relative: u_dark * scale.even_relative,
+            },
+            ScaleInput {
+                source: "exposure ratios: scale",
                 u_relative: u_exposure,
             },
+            ScaleInput {
+                source: "angle of view",
+                u_relative: u_view,
+            },
+            ScaleInput {
+                source: "angle of the beam",
+                u_relative: u_beam,
+            },
         ];
+        // What changes nothing is no line of a budget.
+        inputs.retain(|input| input.u_relative > NO_LINE);
+        veils.push(Veil::of(means[index], &scale, u_dark));
         scale.u_relative = fitting::u_relative(&inputs);
         scale_inputs.push(inputs);
         let (rejected, unmeasured) = (scale.rejected_pixels, scale.unmeasured_pixels);
@@ -224,21 +265,110 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         ));
     }
     estimated.extend(camera_angle.lines);
+    estimated.extend(loaded.curves.iter().map(Curves::line));
+    let range_dn = sensor.white_level_dn - sensor.black_level_dn;
     let mut inputs = vec![loaded.input.clone()];
     inputs.extend(sample.inputs);
     inputs.extend(reference.inputs);
+    let offsets: Vec<f64> = veils.iter().map(|veil| veil.offset).collect();
     let factors: Vec<f64> = scales.iter().map(|s| s.factor_per_mm2).collect();
     Ok(Radiance {
-        map: sample.map.scaled(&factors),
+        veils: (veils.iter().zip(&factors))
+            .map(|(veil, factor)| veil.scaled(*factor))
+            .collect(),
+        map: sample.map.less(&offsets).scaled(&factors),
         scales,
         scale_inputs,
         whites: media,
+        exposures: sample.comparison,
+        range_dn,
+        curves: loaded.curves.clone().map(|curves| {
+            let frames = reference.comparison.frames.iter();
+            (curves, frames.map(|frame| frame.nominal_s).collect())
+        }),
         inputs,
         merge_lines,
         estimated,
         view,
         exit,
     })
+}
+
+/// Standard uncertainty of what darks leave of themselves in the sample's picture, DN/s: as far as
+/// those of sample and reference, taken at other times, differ.
+fn u_dark(sample: &Merged, reference: &Merged) -> f64 {
+    let exposures = |merged: &Merged| -> Vec<f64> {
+        let frames = merged.report.frames.iter();
+        frames.map(|frame| frame.exposure_s).collect()
+    };
+    if exposures(sample) != exposures(reference) {
+        return 0.0;
+    }
+    (sample.report.dark_dn_per_s - reference.report.dark_dn_per_s).abs()
+}
+
+/// Relative standard uncertainty of the light that leaves toward the camera, at `view` rad, and of
+/// that which enters, from the angles' own.
+fn u_angles(capture: &manifest::Capture, view: f64) -> [f64; 2] {
+    let relative = |angle: f64, u_deg: f64, factor: &dyn Fn(f64) -> f64| {
+        // Away from the surface, where there is always a little more of the angle.
+        let steeper = (angle - u_deg.to_radians()).abs();
+        (factor(steeper) / factor(angle) - 1.0).abs()
+    };
+    let (beam, camera) = (&capture.beam, &capture.camera);
+    let leaves = |angle: f64| exit(capture, angle).factor();
+    let enters = |angle: f64| {
+        if capture.model.entry_loss {
+            fresnel::entry_factor(capture.eta, angle.cos())
+        } else {
+            1.0
+        }
+    };
+    [
+        relative(view, camera.u_angle_deg(), &leaves),
+        relative(beam.angle_deg.to_radians(), beam.u_angle_deg(), &enters),
+    ]
+}
+
+/// Relative errors of a profile and of the light inside it, for one standard deviation.
+struct Off {
+    profile: Vec<f64>,
+    total: f64,
+}
+
+impl Off {
+    fn direction(self, source: &'static str) -> Direction {
+        Direction {
+            source,
+            kind: DirectionKind::Relative,
+            profile: self.profile,
+            total: self.total,
+        }
+    }
+}
+
+/// One for each of the ways in which a point may be off, as `errors` lists them.
+fn off(points: &[ProfilePoint], errors: impl Fn(&ProfilePoint) -> Vec<f64>) -> Vec<Off> {
+    let of_points: Vec<Vec<f64>> = points.iter().map(errors).collect();
+    let light: Vec<f64> = points
+        .iter()
+        .map(|p| p.area_mm2() * p.reflectance_per_mm2)
+        .collect();
+    let all: f64 = light.iter().sum();
+    let ways = of_points.first().map_or(0, Vec::len);
+    let of_way = |way: usize| {
+        let profile: Vec<f64> = of_points.iter().map(|errors| errors[way]).collect();
+        let sum: f64 = profile
+            .iter()
+            .zip(&light)
+            .map(|(off, light)| off * light)
+            .sum();
+        Off {
+            profile,
+            total: sum / all,
+        }
+    };
+    (0..ways).map(of_way).collect()
 }
 
 /// The scale that each channel of the merged white sets.
@@ -275,14 +405,58 @@ fn reference_scales(
 }
 
 impl Radiance {
+    /// Standard uncertainty of the even light that each channel may have or lack, mm⁻².
+    pub fn u_offsets(&self) -> Vec<f64> {
+        self.veils.iter().map(Veil::u_offset).collect()
+    }
+
+    /// The ways in which the data of channel `index` may be off together.
+    fn directions(&self, index: usize, measured: &Measured) -> Vec<Direction> {
+        let mut all = self.veils[index].directions(measured);
+        let scale = &self.scales[index];
+        // What the sensor saw, DN/s: stray light included.
+        let (veil, per_dn) = (self.veils[index].offset, scale.factor_per_mm2);
+        let sample = |p: &ProfilePoint| (p.reflectance_per_mm2 + veil) / per_dn;
+        let errors = off(&measured.profile.points, |p| {
+            self.exposures.relative_errors(sample(p), self.range_dn)
+        });
+        all.extend(
+            errors
+                .into_iter()
+                .map(|off| off.direction("exposure ratios")),
+        );
+        if let Some((curves, white_s)) = &self.curves {
+            let curve = &curves.channels[index];
+            let exposures_s: Vec<f64> = self.exposures.frames.iter().map(|f| f.nominal_s).collect();
+            let stray = scale.stray.map_or(0.0, |stray| stray.offset);
+            let of_sample = off(&measured.profile.points, |p| {
+                curve.relative_errors(sample(p), &exposures_s)
+            });
+            let of_white = off(&scale.white.points, |p| {
+                curve.relative_errors(p.reflectance_per_mm2 + stray, white_s)
+            });
+            // One curve for both: the white's total is off by the same ways.
+            for (mut sample, white) in of_sample.into_iter().zip(of_white) {
+                for off in &mut sample.profile {
+                    *off -= white.total;
+                }
+                sample.total -= white.total;
+                all.push(sample.direction("response of the camera"));
+            }
+        }
+        all.retain(|direction| direction.profile.iter().any(|off| *off != 0.0));
+        all
+    }
+
     /// The file `radiance.exr`.
     pub fn to_file(&self, loaded: &Loaded) -> RadianceFile<'_> {
         let names = self.map.names().into_iter();
         let scale = names
-            .zip(&self.scales)
-            .map(|(channel, scale)| ChannelScale {
+            .zip(self.scales.iter().zip(&self.veils))
+            .map(|(channel, (scale, veil))| ChannelScale {
                 channel: channel.to_owned(),
                 u_scale_relative: scale.u_relative,
+                u_offset_per_mm2: veil.u_offset(),
             })
             .collect();
         let provenance = BTreeMap::from([
@@ -305,8 +479,8 @@ impl Radiance {
 
 /// Profile and total of every channel of a picture in mm⁻².
 ///
-/// `u_scale_relative` has one number for each channel, and so has `centers_px`, `None` for a centre
-/// that is to be found; `sectors_deg` are the azimuths about the
+/// `u_scale_relative` has one number for each channel, and so have `u_offset_per_mm2`, the even light
+/// that a channel may have or lack, and `centers_px`, `None` for a centre that is to be found; `sectors_deg` are the azimuths about the
 /// spot that take part, all where there is none.
 ///
 /// # Errors
@@ -316,6 +490,7 @@ impl Radiance {
 pub fn profiles(
     map: &RadianceMap,
     u_scale_relative: &[f64],
+    u_offset_per_mm2: &[f64],
     view: View,
     centers_px: &[Option<[f64; 2]>],
     sectors_deg: &[[f64; 2]],
@@ -342,7 +517,10 @@ pub fn profiles(
                 u_scale_relative,
                 ..ProfileOptions::default()
             };
-            profile::radial_profile(seen, size.0, size.1, &options).input(place())
+            let mut measured =
+                profile::radial_profile(seen, size.0, size.1, &options).input(place())?;
+            measured.total.u_offset_per_mm2 = u_offset_per_mm2[index];
+            Ok(measured)
         })
         .collect()
 }
@@ -367,6 +545,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let measured = profiles(
         &radiance.map,
         &u_scales,
+        &radiance.u_offsets(),
         radiance.view,
         &centers.px,
         &capture.sample.sectors_deg,
@@ -389,9 +568,14 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         .map_err(|e| e.within(place()))?;
     let given: Vec<Given> = beams
         .iter()
-        .map(|beam| {
+        .zip(&measured)
+        .enumerate()
+        .map(|(index, (beam, m))| {
             let center_px = measured[0].center_px;
-            given(capture, choices, &model, &radiance, center_px, beam)
+            Given {
+                directions: radiance.directions(index, m),
+                ..given(capture, choices, &model, &radiance, center_px, beam)
+            }
         })
         .collect();
     let fits = measured
@@ -460,7 +644,12 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         vec![]
     };
     let materials = fitting::materials(&fits, &capture.material, &given[0])?;
-    let warnings = channel_warnings(&fits, &beams);
+    let mut warnings = channel_warnings(&fits, &beams);
+    warnings.extend(radiance.curves.iter().map(|_| Curves::warning()));
+    for ((fit, veil), m) in fits.iter().zip(&radiance.veils).zip(&measured) {
+        let said = veil.warning(fit, &m.profile);
+        warnings.extend(said.map(|w| format!("{}: {w}", fit.channel)));
+    }
     Ok(Measurement {
         warnings,
         beams,
@@ -513,11 +702,13 @@ impl Measurement {
         said.collect()
     }
 
-    /// What the beam of each channel is, and how it is known, in sentences.
+    /// What beam and stray light of each channel are, and how they are known, in sentences.
     pub fn beam_lines(&self) -> Vec<String> {
         let each = self.fits.iter().zip(&self.beams);
-        each.map(|(fit, beam)| format!("{}: {}", fit.channel, beam.sentence()))
-            .collect()
+        let beams = each.map(|(fit, beam)| format!("{}: {}", fit.channel, beam.sentence()));
+        let veils = self.fits.iter().zip(&self.radiance.veils);
+        let veils = veils.map(|(fit, veil)| format!("{}: {}", fit.channel, veil.sentence()));
+        beams.chain(veils).collect()
     }
 
     /// What all fits took as given.
@@ -542,6 +733,7 @@ impl Measurement {
             .with_bootstraps(&self.bootstraps)
             .with_warnings(&self.warnings)
             .with_beams(&self.beams)
+            .with_stray_light(&self.radiance.veils)
             .with_confirmations(&self.confirmations)
             .with_models(&self.compared)
     }
@@ -638,6 +830,7 @@ fn given(
         u_fwhm_mm: beam.u_stated_mm,
         pixel_mm: radiance.view.blur_mm(center_px),
         variants: beam.variants.clone(),
+        directions: vec![],
     }
 }
 

@@ -90,6 +90,12 @@ impl Loaded {
     /// names the field.
     pub fn sensing(&self, monitor: &dyn Monitor) -> Result<Sensing> {
         let camera = &self.capture.camera;
+        if let Some(curves) = &self.curves {
+            return Ok(Sensing {
+                sensor: curves.sensor(camera.prnu_relative),
+                found: vec![],
+            });
+        }
         let mut found = vec![];
         let wants_noise = camera.gain_e_per_dn.is_none() || camera.read_noise_e.is_none();
         let wants_darks = wants_noise || camera.black_level_dn.is_none();

@@ -46,6 +46,7 @@ pub fn of_frame(path: &Path) -> Result<(Vec<Spot>, Input)> {
 ///
 /// See [`Loaded::merge`]; the reference must show a spot.
 pub fn of_reference(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Vec<Spot>> {
+    let loaded = &*loaded.with_response(monitor)?;
     let sensor = loaded.sensing(monitor)?.sensor;
     monitor.begin("merging", loaded.frame_count(Subject::Reference));
     let merged = loaded.merge(Subject::Reference, &sensor, monitor)?;

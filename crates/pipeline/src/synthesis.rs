@@ -204,9 +204,11 @@ fn manifest_of(
                 synth::BeamProfile::Disk => manifest::BeamProfile::Disk,
             },
             angle_deg: camera.beam_angle_deg,
+            u_angle_deg: (camera.beam_angle_deg > 0.0).then_some(0.0),
         },
         camera: manifest::Camera {
             angle_deg: corners.is_none().then_some(camera.camera_angle_deg),
+            u_angle_deg: (camera.camera_angle_deg > 0.0).then_some(0.0),
             gain_e_per_dn: Some(sensor.gain_e_per_dn),
             read_noise_e: Some(sensor.read_noise_e),
             black_level_dn: Some(sensor.black_level_dn),

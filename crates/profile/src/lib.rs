@@ -14,8 +14,9 @@
 //! A tilted view or pixels that are not square ([`View`]) are averaged over rings on the surface,
 //! each pixel with the area that it sees there; nothing is resampled.
 //!
-//! This crate fits nothing and corrects for no beam width or stray light; it measures beam and blur
-//! on the white reference ([`measure_beam`]), for a fit to convolve its model with.
+//! This crate fits nothing and corrects for no beam width; it measures beam and blur on the white
+//! reference ([`measure_beam`]), for a fit to convolve its model with, and the stray light there
+//! ([`stray_light`]).
 //!
 //! | module | holds |
 //! |---|---|
@@ -27,6 +28,7 @@
 //! | [`scale`] | [`reference_scale`] |
 //! | [`view`] | [`View`]: from pixels to millimetres |
 //! | [`beam`] | [`measure_beam`] |
+//! | [`stray`] | [`stray_light`]: what lens and housing spread evenly |
 //! | [`error`] | [`ProfileError`] |
 
 pub mod beam;
@@ -39,6 +41,7 @@ pub mod radial;
 mod rings;
 pub mod scale;
 pub mod slice;
+pub mod stray;
 mod survey;
 mod sweep;
 pub mod view;
@@ -51,4 +54,5 @@ pub use moments::{Background, BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
+pub use stray::{Stray, stray_light};
 pub use view::View;

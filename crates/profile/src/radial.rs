@@ -62,6 +62,20 @@ pub struct Measured {
     pub relative_scatter: f64,
 }
 
+impl Measured {
+    /// The same less an even light of `offset` per mm².
+    #[must_use]
+    pub fn less(mut self, offset: f64) -> Self {
+        for point in &mut self.profile.points {
+            point.reflectance_per_mm2 -= offset;
+        }
+        if let Some(radius) = self.total.radius_max_mm {
+            self.total.total_reflectance -= offset * std::f64::consts::PI * radius * radius;
+        }
+        self
+    }
+}
+
 /// The radial profile of `channel`, a picture of `width` × `height` px, and its total.
 ///
 /// The value of a ring is the mean over its area on the surface of the exitance that pixels see (the model has

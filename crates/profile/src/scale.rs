@@ -2,6 +2,7 @@
 
 use crate::error::ProfileError;
 use crate::radial::ProfileOptions;
+use crate::stray::{Stray, stray_light};
 use crate::survey::Survey;
 use crate::view::View;
 use physics::{ChannelMap, DiffuseFresnel, Dipole, RadialProfile, ReducedMedium, fresnel};
@@ -53,16 +54,23 @@ pub struct ReferenceOptions {
 pub struct Scale {
     /// Exitance per incident power, mm⁻², for one DN/s.
     pub factor_per_mm2: f64,
-    /// Relative standard uncertainty of the factor: the white's reflectance and the noise of its
-    /// picture.
+    /// Relative standard uncertainty of the factor: the white's reflectance, and noise and stray
+    /// light of its picture.
     pub u_relative: f64,
     /// Its part that comes from the noise of the white's picture.
     pub u_noise_relative: f64,
     /// Sum of the reference's pixels inside the circle, DN/s, each times its area over that of a
     /// pixel at the centre.
     pub reference_sum: f64,
-    /// Profile of the reference's spot, DN/s.
+    /// Profile of the reference's spot, DN/s, less stray light.
     pub white: RadialProfile,
+    /// Stray light in the reference's picture, DN/s: subtracted as far as it was measured.
+    pub stray: Option<Stray>,
+    /// The part of `u_relative` that comes from stray light.
+    pub u_stray_relative: f64,
+    /// Share of the white's light inside the circle that an even light of one unit of the picture
+    /// would make.
+    pub even_relative: f64,
     /// Centre of the reference's spot, px.
     pub center_px: [f64; 2],
     /// Radius of the circle, mm.
@@ -129,7 +137,10 @@ pub fn reference_scale(
         ..ProfileOptions::default()
     };
     let survey = Survey::new(channel, width, height, &in_own_unit)?;
-    let measured = survey.measured(channel, &in_own_unit);
+    let mut measured = survey.measured(channel, &in_own_unit);
+    let mean = channel.mean_measured();
+    let stray = stray_light(&measured.profile, options.medium.as_ref(), mean);
+    measured = measured.less(stray.map_or(0.0, |stray| stray.offset));
     let total = &measured.total;
     if total.total_reflectance <= 0.0 {
         return Err(ProfileError::DarkReference(total.total_reflectance));
@@ -141,10 +152,17 @@ pub fn reference_scale(
     });
     let pixel = survey.unit_mm * survey.unit_mm;
     let u_noise_relative = total.u_total_reflectance / total.total_reflectance;
+    let even_relative = std::f64::consts::PI * radius_mm * radius_mm / total.total_reflectance;
+    let u_stray_relative = stray.map_or(0.0, |s| s.u * even_relative);
     Ok(Scale {
         factor_per_mm2: reflectance * share / (total.total_reflectance * exit),
-        u_relative: (u_reflectance / reflectance).hypot(u_noise_relative),
+        u_relative: (u_reflectance / reflectance)
+            .hypot(u_noise_relative)
+            .hypot(u_stray_relative),
         u_noise_relative,
+        stray,
+        u_stray_relative,
+        even_relative,
         reference_sum: total.total_reflectance / pixel,
         center_px: measured.center_px,
         white: measured.profile,
@@ -204,7 +222,13 @@ mod tests {
         );
         // 12,700 pixels of 1e-3 make 0.113 of 307.9.
         let noise = (63.7_f64 * 63.7 * std::f64::consts::PI * 1e-6).sqrt() / sum;
-        let expected = (0.005 / 0.99_f64).hypot(noise);
+        // What the noise leaves open of an even light in the circle is of the same size.
+        let stray = scale.u_stray_relative;
+        assert!(
+            stray > 0.5 * noise && stray < 3.0 * noise,
+            "{stray} {noise}"
+        );
+        let expected = (0.005 / 0.99_f64).hypot(noise).hypot(stray);
         assert!(
             (scale.u_relative / expected - 1.0).abs() < 1e-3,
             "{scale:?}"

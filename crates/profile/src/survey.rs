@@ -315,6 +315,7 @@ impl Survey {
                 .and_then(|p| p.ring_mm)
                 .map(|(_, outer)| outer),
             u_scale_relative: options.u_scale_relative,
+            u_offset_per_mm2: 0.0,
         };
         Measured {
             profile: RadialProfile {

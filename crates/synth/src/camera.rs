@@ -178,6 +178,9 @@ pub struct Camera {
     pub entry_loss: bool,
     /// How light leaves the sample: `fresnel` (the default) or `lambert`, the paper's mode.
     pub exit: Exit,
+    /// Light that lens and housing spread evenly over the picture (veiling glare), as a share of
+    /// what falls into the picture; on top of that. Default 0.
+    pub flare_relative: f64,
     /// The spot, right of and below the middle of the frame, pixels. Default [0.3, -0.2].
     pub spot_offset_px: [f64; 2],
     /// The white reference.
@@ -218,6 +221,7 @@ impl Default for Camera {
             pixel_aspect: 1.0,
             entry_loss: true,
             exit: Exit::Fresnel,
+            flare_relative: 0.0,
             spot_offset_px: [0.3, -0.2],
             reference: WhiteReference::default(),
         }
@@ -342,6 +346,7 @@ impl Camera {
             ("stray_e_per_s", self.stray_e_per_s, 0.0, 1e9),
             // A beam wider than half of the field leaves no profile to see.
             ("beam_fwhm_mm", self.beam_fwhm_mm, 0.0, 0.5 * field_mm),
+            ("flare_relative", self.flare_relative, 0.0, 0.5),
             ("beam_angle_deg", self.beam_angle_deg, 0.0, 80.0),
             ("camera_angle_deg", self.camera_angle_deg, 0.0, 80.0),
             ("pixel_aspect", self.pixel_aspect, 0.2, 5.0),

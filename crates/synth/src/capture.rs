@@ -118,7 +118,7 @@ impl Capture {
         for (index, name) in camera.channels.names().iter().enumerate() {
             let picture = |of, model: &dyn ForwardModel, at, exit: &ExitFactor, factor: f64| {
                 let glow = Glow::new(model, at, exit, camera.beam(), view.reach_mm());
-                let pixels = view.picture(&glow);
+                let pixels = seen(&view, &glow, &camera);
                 let brightest = pixels.iter().fold(0.0_f32, |m, v| m.max(*v));
                 let peak_per_mm2 = f64::from(brightest) * factor;
                 if peak_per_mm2 > 0.0 && peak_per_mm2.is_finite() {
@@ -295,11 +295,12 @@ impl Capture {
         let count = glows.len();
         let mut light = vec![0.0; self.camera.width * self.camera.height * count];
         for (index, (glow, signal)) in glows.iter().enumerate() {
-            for (out, pixel) in light
-                .iter_mut()
-                .skip(index)
-                .step_by(count)
-                .zip(view.picture(glow))
+            for (out, pixel) in
+                light
+                    .iter_mut()
+                    .skip(index)
+                    .step_by(count)
+                    .zip(seen(&view, glow, &self.camera))
             {
                 *out = (f64::from(pixel) * signal) as f32;
             }
@@ -322,6 +323,19 @@ impl Capture {
             Role::SampleDark | Role::ReferenceDark => 1.0,
         }
     }
+}
+
+/// The picture of `glow` with what the lens spreads of it.
+fn seen(view: &View, glow: &Glow, camera: &Camera) -> Vec<f32> {
+    let mut pixels = view.picture(glow);
+    if camera.flare_relative > 0.0 {
+        let sum: f64 = pixels.iter().map(|v| f64::from(*v)).sum();
+        let veil = (camera.flare_relative * sum / pixels.len() as f64) as f32;
+        for pixel in &mut pixels {
+            *pixel += veil;
+        }
+    }
+    pixels
 }
 
 fn view_of(camera: &Camera, mm_per_pixel: f64) -> View {

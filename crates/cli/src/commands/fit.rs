@@ -14,7 +14,7 @@ use pipeline::fit_json::FitDocument;
 use pipeline::fitting::{self, Given, ScaleInput};
 use pipeline::library::{ModelChoice, SlabChoice};
 use pipeline::{Error, Kind, Result};
-use pipeline::{bootstrap, verdict};
+use pipeline::{bootstrap, stray, verdict};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -82,6 +82,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         u_fwhm_mm: 0.0,
         pixel_mm: args.mm_per_pixel,
         variants: vec![],
+        directions: vec![],
     };
     // The beam of each profile, or the radii that do without one.
     let told: Vec<(Beam, Option<(f64, f64)>)> = profiles
@@ -115,17 +116,28 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
             u_relative: u_scale,
         }]
     };
-    // `given` with the beam of one profile.
-    let told_of = |given: &Given, (beam, range_mm): &(Beam, Option<(f64, f64)>)| Given {
+    // `given` with the beam of one profile, and the even light that it may have or lack.
+    let told_of = |given: &Given,
+                   profile: &RadialProfile,
+                   (beam, range_mm): &(Beam, Option<(f64, f64)>)| Given {
         beam: beam.clone(),
         range_mm: *range_mm,
+        directions: total_of(profile)
+            .and_then(|total| stray::stated(profile, total))
+            .into_iter()
+            .collect(),
         ..given.clone()
     };
     let fit_all = |given: &Given| {
         let fit_one = |(profile, told): (&RadialProfile, &_)| {
             let total = total_of(profile);
-            fitting::fit_channel(profile, total, &scale_of(total), &told_of(given, told))
-                .map_err(|e| e.within(&place))
+            fitting::fit_channel(
+                profile,
+                total,
+                &scale_of(total),
+                &told_of(given, profile, told),
+            )
+            .map_err(|e| e.within(&place))
         };
         let each = profiles.iter().zip(&told);
         each.map(fit_one).collect::<Result<Vec<Fit>>>()
@@ -133,7 +145,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
     let fits = fit_all(&given)?;
     let (mut verdicts, mut bootstraps) = (vec![], vec![]);
     for ((profile, fit), told) in profiles.iter().zip(&fits).zip(&told) {
-        let given = told_of(&given, told);
+        let given = told_of(&given, profile, told);
         let total = total_of(profile);
         let scale = scale_of(total);
         verdicts.push(verdict::judge(profile, total, &scale, &given, fit)?);
@@ -240,6 +252,7 @@ fn totals(args: &FitArgs, inputs: &mut Vec<Input>) -> Result<Vec<TotalReflectanc
                 u_total_reflectance: t.u,
                 radius_max_mm: None,
                 u_scale_relative: 0.0,
+                u_offset_per_mm2: 0.0,
             })
             .collect());
     }

@@ -36,6 +36,7 @@ struct Channel {
 struct Picture {
     map: RadianceMap,
     u_scale_relative: Vec<f64>,
+    u_offset_per_mm2: Vec<f64>,
     view: View,
     centers_px: Vec<Option<[f64; 2]>>,
     sectors_deg: Vec<[f64; 2]>,
@@ -68,6 +69,7 @@ pub(crate) fn run(
     let measured = measure::profiles(
         &picture.map,
         &picture.u_scale_relative,
+        &picture.u_offset_per_mm2,
         picture.view,
         &picture.centers_px,
         &picture.sectors_deg,
@@ -94,6 +96,7 @@ fn from_capture(loaded: &capture::Loaded, monitor: &dyn Monitor) -> Result<Pictu
     let centers_px = pipeline::geometry::centers(loaded, &radiance, false)?.px;
     Ok(Picture {
         u_scale_relative: radiance.scales.iter().map(|s| s.u_relative).collect(),
+        u_offset_per_mm2: radiance.u_offsets(),
         map: radiance.map,
         view: radiance.view,
         centers_px,
@@ -123,6 +126,7 @@ fn from_map(args: &ProfileArgs) -> Result<Picture> {
     let centers_px = vec![None; file.scale.len()];
     Ok(Picture {
         u_scale_relative: file.scale.iter().map(|s| s.u_scale_relative).collect(),
+        u_offset_per_mm2: file.scale.iter().map(|s| s.u_offset_per_mm2).collect(),
         map: file.map.into_owned(),
         view,
         centers_px,

@@ -2,7 +2,8 @@
 
 use super::draft::PLACEHOLDER;
 use super::{
-    Capture, FrameEntry, Frames, Geometry, PerChannel, PixelSize, Reference, Region, Sample,
+    Capture, FrameEntry, Frames, Geometry, PerChannel, PixelSize, Reference, Region, Response,
+    Sample,
 };
 use crate::toml_text::{TomlError, parse_toml};
 use std::collections::BTreeMap;
@@ -117,6 +118,15 @@ pub enum CaptureError {
         /// White level, DN.
         white_dn: f64,
     },
+    /// A number of a linear camera for one whose response is recovered.
+    #[error(
+        "field `{field}`: holds for counts in proportion to light, and camera.response = \"recover\" \
+         makes its own from codes of 8 bits: leave it out"
+    )]
+    Recovered {
+        /// The field.
+        field: &'static str,
+    },
     /// One coefficient of the white without the other.
     #[error(
         "field `reference.{missing}` is missing: the white glows by both coefficients; give both \
@@ -211,14 +221,6 @@ fn refuse_unsupported(table: &Table) -> Result<(), CaptureError> {
             "give gray or RGB frames; channels follow from them",
         );
     }
-    let response = table
-        .get("camera")
-        .and_then(|c| c.get("response"))
-        .and_then(Value::as_str);
-    if response == Some("recover") {
-        let instead = "linearise the frames and give response = \"linear\"";
-        return refuse("camera.response".to_owned(), instead);
-    }
     for section in ["sample", "reference"] {
         for list in ["frames", "dark"] {
             if let Some(Value::Array(frames)) = table.get(section).and_then(|s| s.get(list))
@@ -294,13 +296,28 @@ impl Capture<Frames> {
         within("beam.fwhm_mm", beam.fwhm_mm, 0.0.., width)?;
         within("beam.u_fwhm_mm", beam.u_fwhm_mm, 0.0.., U)?;
         within("beam.angle_deg", Some(beam.angle_deg), 0.0..90.0, ANGLE)?;
+        within("beam.u_angle_deg", beam.u_angle_deg, 0.0.., U)?;
         within("camera.angle_deg", camera.angle_deg, 0.0..90.0, ANGLE)?;
+        within("camera.u_angle_deg", camera.u_angle_deg, 0.0.., U)?;
         let gain = "electrons per count, above 0, or leave it out to have it estimated";
         within("camera.gain_e_per_dn", camera.gain_e_per_dn, POSITIVE, gain)?;
         let noise = "electrons, at least 0, or leave it out to have it estimated";
         within("camera.read_noise_e", camera.read_noise_e, 0.0.., noise)?;
         within("camera.black_level_dn", camera.black_level_dn, 0.0.., LEVEL)?;
         within("camera.white_level_dn", camera.white_level_dn, 0.0.., LEVEL)?;
+        if camera.response == Some(Response::Recover) {
+            for (field, given) in [
+                ("camera.gain_e_per_dn", camera.gain_e_per_dn.is_some()),
+                ("camera.read_noise_e", camera.read_noise_e.is_some()),
+                ("camera.black_level_dn", camera.black_level_dn.is_some()),
+                ("camera.white_level_dn", camera.white_level_dn.is_some()),
+                ("camera.mosaic", camera.mosaic.is_some()),
+            ] {
+                if given {
+                    return Err(CaptureError::Recovered { field });
+                }
+            }
+        }
         let prnu = "a relative spread of at least 0 and below 1, as 0.01";
         within(
             "camera.prnu_relative",
@@ -589,9 +606,11 @@ fwhm_mm = 0.3
 u_fwhm_mm = 0.02
 profile = "disk"
 angle_deg = 10
+u_angle_deg = 0.5
 
 [camera]
 angle_deg = 0
+u_angle_deg = 0.2
 gain_e_per_dn = 0.5
 read_noise_e = 4
 black_level_dn = 64
@@ -670,6 +689,25 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
     }
 
     #[test]
+    fn a_response_that_is_recovered_has_its_own_counts() {
+        let text = GOOD.replace("\"linear\"", "\"recover\"");
+        let message = |text: &str| parse_capture(text).unwrap_err().to_string();
+        assert!(message(&text).contains("field `camera.gain_e_per_dn`"));
+        let alone: String = text
+            .lines()
+            .filter(|l| {
+                !["gain_", "read_", "black_", "white_l"]
+                    .iter()
+                    .any(|k| l.starts_with(k))
+            })
+            .map(|l| format!("{l}\n"))
+            .collect();
+        let capture = parse_capture(&alone).unwrap();
+        assert_eq!(capture.camera.response, Some(Response::Recover));
+        assert_eq!(parse_capture(&capture.to_toml()).unwrap(), capture);
+    }
+
+    #[test]
     fn what_is_left_out_is_told() {
         let text = GOOD
             .lines()
@@ -686,6 +724,7 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             ("u_eta", 0.01),
             ("geometry.u_mm_per_pixel", 0.00025),
             ("beam.u_fwhm_mm", 0.015),
+            ("beam.u_angle_deg", 1.0),
             ("reference.u_reflectance", 0.01),
             ("reference.u_sigma_s_prime_relative", 0.1),
             ("reference.eta", 1.3),
@@ -816,7 +855,7 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             (
                 "\"linear\"",
                 "\"recover\"",
-                "field `camera.response` is not supported yet",
+                "field `camera.gain_e_per_dn`: holds for counts in proportion to light",
             ),
             (
                 "mm_per_pixel = 0.05",

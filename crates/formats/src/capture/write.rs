@@ -2,6 +2,7 @@
 
 use super::{
     Beam, BeamProfile, Camera, Capture, Exit, FrameEntry, Model, PerChannel, PixelSize, Region,
+    Response,
 };
 use crate::toml_text::quoted;
 use std::fmt::Write;
@@ -52,17 +53,23 @@ impl Capture {
             };
             text.line("profile", quoted(profile));
             text.number("angle_deg", beam.angle_deg);
+            text.optional("u_angle_deg", beam.u_angle_deg);
         }
         if *camera != Camera::default() {
             text.section("camera");
             text.optional("angle_deg", camera.angle_deg);
+            text.optional("u_angle_deg", camera.u_angle_deg);
             text.optional("gain_e_per_dn", camera.gain_e_per_dn);
             text.optional("read_noise_e", camera.read_noise_e);
             text.optional("black_level_dn", camera.black_level_dn);
             text.optional("white_level_dn", camera.white_level_dn);
             text.number("prnu_relative", camera.prnu_relative);
-            if camera.response.is_some() {
-                text.line("response", quoted("linear"));
+            if let Some(response) = camera.response {
+                let name = match response {
+                    Response::Linear => "linear",
+                    Response::Recover => "recover",
+                };
+                text.line("response", quoted(name));
             }
             if let Some(mosaic) = camera.mosaic {
                 text.line("mosaic", quoted(&mosaic.to_string()));

@@ -2,7 +2,7 @@
 
 use super::{
     CHANNELS, COUNTS_PER_SECOND, ChannelScale, ExrError, MM_PER_PIXEL, MOSAIC,
-    PER_SQUARE_MILLIMETRE, PROVENANCE, RadianceFile, U_SCALE, UNIT, VARIANCE, VIEW,
+    PER_SQUARE_MILLIMETRE, PROVENANCE, RadianceFile, U_OFFSET, U_SCALE, UNIT, VARIANCE, VIEW,
 };
 use exr::compression::Compression;
 use exr::image::FlatSamples;
@@ -101,9 +101,17 @@ pub fn read_radiance(mut file: impl BufRead + Seek) -> Result<RadianceFile<'stat
                     .number(&name, expected)?
                     .filter(|u| *u >= 0.0)
                     .ok_or_else(|| attribute(&name, expected))?;
+                // Files from before there was one lack nothing.
+                let name = format!("{U_OFFSET}{channel}");
+                let expected = "an uncertainty in mm^-2, at least 0";
+                let u_offset_per_mm2 = attributes.number(&name, expected)?.unwrap_or(0.0);
+                if u_offset_per_mm2 < 0.0 {
+                    return Err(attribute(&name, expected));
+                }
                 Ok(ChannelScale {
                     channel: channel.to_owned(),
                     u_scale_relative,
+                    u_offset_per_mm2,
                 })
             })
             .collect::<Result<_, ExrError>>()?,

@@ -5,7 +5,7 @@
 
 use super::{
     CHANNELS, COUNTS_PER_SECOND, ExrError, MM_PER_PIXEL, MOSAIC, PER_SQUARE_MILLIMETRE, PROVENANCE,
-    RadianceFile, U_SCALE, UNIT, VARIANCE, VIEW,
+    RadianceFile, U_OFFSET, U_SCALE, UNIT, VARIANCE, VIEW,
 };
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -157,6 +157,8 @@ fn header(file: &RadianceFile<'_>, layers: &BTreeMap<String, &[f32]>) -> Result<
     for scale in &file.scale {
         let name = format!("{U_SCALE}{}", scale.channel);
         header.attribute(&name, "double", &scale.u_scale_relative.to_le_bytes())?;
+        let name = format!("{U_OFFSET}{}", scale.channel);
+        header.attribute(&name, "double", &scale.u_offset_per_mm2.to_le_bytes())?;
     }
     for (key, note) in &file.provenance {
         header.attribute(&format!("{PROVENANCE}{key}"), "string", note.as_bytes())?;

@@ -228,3 +228,61 @@ fn frames_without_overlap_say_nothing() {
     assert!(!found.prefers_measured());
     assert_eq!(Overlap::new(&SENSOR).finish().frames, []);
 }
+
+/// Frames of 1, 2 and 4 s, each link off by 10 u, of which the middle one is the median.
+fn three_frames(u: f64) -> Comparison {
+    let none = Estimate { value: 0.0, u: 1.0 };
+    let off = 10.0 * u;
+    let frames = [(1.0, -off), (2.0, 0.0), (4.0, off)].map(|(nominal_s, off): (f64, f64)| Placed {
+        nominal_s,
+        measured_s: nominal_s * off.exp(),
+        u_relative: u,
+        shift_px: [none; 2],
+    });
+    let link = Link {
+        ratio: Some(Estimate {
+            value: off.exp(),
+            u: u * off.exp(),
+        }),
+        shift_px: None,
+    };
+    Comparison {
+        frames: frames.to_vec(),
+        links: vec![link; 2],
+    }
+}
+
+#[test]
+fn the_error_of_a_ratio_is_that_of_the_merged_values_it_moves() {
+    let u = 1e-3;
+    let found = three_frames(u);
+    assert!(found.prefers_measured());
+    let merged = |rate: f64, times: [f64; 3]| {
+        let seen = found.frames.iter().zip(times);
+        let seen = seen.filter(|(f, _)| rate * f.measured_s <= 950.0);
+        let (light, time) = seen.fold((0.0, 0.0), |(light, time), (f, t)| {
+            (light + rate * f.measured_s, time + t)
+        });
+        light / time
+    };
+    let times: [f64; 3] = std::array::from_fn(|k| found.frames[k].measured_s);
+    // The median stays as stated: the first link moves the first frame, the second the last.
+    for rate in [900.0, 450.0, 100.0] {
+        let errors = found.relative_errors(rate, 1000.0);
+        let first = [times[0] / (1.0 + u), times[1], times[2]];
+        let second = [times[0], times[1], times[2] * (1.0 + u)];
+        for (error, moved) in errors.iter().zip([first, second]) {
+            let expected = merged(rate, moved) / merged(rate, times) - 1.0;
+            assert!(
+                (error - expected).abs() < 2e-3 * u,
+                "{rate}: {error} for {expected}"
+            );
+        }
+    }
+    // Exposures that the overlap does not contradict are taken as stated.
+    let mut agreed = three_frames(u);
+    for link in &mut agreed.links {
+        link.ratio = Some(Estimate { value: 1.0, u });
+    }
+    assert_eq!(agreed.relative_errors(100.0, 1000.0), [0.0, 0.0]);
+}

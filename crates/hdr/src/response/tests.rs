@@ -167,3 +167,64 @@ fn falling_neighbours_are_pooled() {
     let pooled = monotone(&[2.0, 1.0], &[1.0, 0.01]);
     assert!((pooled[0] - 1.0001).abs() < 1e-6 && pooled[0] == pooled[1]);
 }
+
+#[test]
+fn codes_become_counts_whose_noise_and_error_are_known() {
+    let curve = CURVES[0];
+    let (_, _, decode, exposures) = curve;
+    let codes = photograph(curve, 4000, 0.0, 7);
+    let linear = recover(&codes, &exposures)
+        .unwrap()
+        .linear(&codes, &exposures);
+    assert_eq!([0, 255].map(|z| linear.counts[z]), [0.0, 52_000.0]);
+    // In proportion to light within a few times what the curve is said to be known to.
+    let ratio = |z: usize| f64::from(linear.counts[z]) / decode(z as f64 / 255.0);
+    for z in 20..=235 {
+        let off = ratio(z) / ratio(MIDDLE) - 1.0;
+        assert!(
+            off.abs() < 4.0 * linear.u_relative,
+            "{z}: {off} {}",
+            linear.u_relative
+        );
+    }
+    // The ways together are the curve's u, where codes say much.
+    let found = recover(&codes, &exposures).unwrap();
+    for z in [40, 80, 200] {
+        let all = linear
+            .ways
+            .iter()
+            .map(|way| way[z] * way[z])
+            .sum::<f64>()
+            .sqrt();
+        assert!(
+            (0.6..1.05).contains(&(all / found.u[z])),
+            "{z}: {all} {}",
+            found.u[z]
+        );
+    }
+    // One frame that sees the pixel at one code errs as the curve does there.
+    let rate = f64::from(linear.counts[80]);
+    for (error, way) in linear
+        .relative_errors(rate, &[1.0])
+        .iter()
+        .zip(&linear.ways)
+    {
+        assert!((error - way[80]).abs() < 1e-6, "{error} {}", way[80]);
+    }
+    // Two frames as their counts weigh: twice as long, twice as much.
+    let rate = f64::from(linear.counts[200]);
+    let alone = linear.relative_errors(rate, &[1.0]);
+    let other = linear.relative_errors(0.5 * rate, &[1.0]);
+    let both = linear.relative_errors(rate, &[1.0, 0.5]);
+    for ((alone, other), both) in alone.iter().zip(&other).zip(&both) {
+        assert!((both - (alone + 0.5 * other) / 1.5).abs() < 1e-12);
+    }
+    // Rounding alone: (step of a code)²/12 over the count, at a code of the middle.
+    let step = f64::from(linear.counts[129] - linear.counts[127]) / 2.0;
+    let expected = step * step / 12.0 / f64::from(linear.counts[128]);
+    let found = 1.0 / linear.sensor.gain_e_per_dn;
+    assert!(
+        (0.5..2.0).contains(&(found / expected)),
+        "{found} {expected}"
+    );
+}

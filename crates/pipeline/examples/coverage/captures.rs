@@ -73,6 +73,7 @@ pub(crate) fn noiseless(
         u_total_reflectance: variance.sqrt(),
         radius_max_mm: Some(REACH_MM),
         u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
     };
     (RadialProfile { channel, points }, total)
 }
@@ -95,6 +96,7 @@ pub(crate) fn given(model: ModelChoice, eta: f64) -> Given {
         u_fwhm_mm: 0.0,
         pixel_mm: 0.0,
         variants: vec![],
+        directions: vec![],
     }
 }
 

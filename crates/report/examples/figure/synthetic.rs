@@ -81,6 +81,7 @@ pub(crate) fn channel(
         u_total_reflectance: variance.sqrt(),
         radius_max_mm: Some(RADIUS),
         u_scale_relative: 0.005,
+        u_offset_per_mm2: 0.0,
     };
     let model = DipoleModel::new(eta, DiffuseFresnel::Exact);
     let options = FitOptions {
