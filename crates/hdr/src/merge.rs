@@ -1,5 +1,6 @@
 //! The sum over exposures.
 
+mod dead;
 mod rows;
 mod sets;
 
@@ -79,8 +80,8 @@ pub struct FrameReport {
     pub exposure_s: f64,
     /// Samples used, per channel.
     pub used: Vec<u64>,
-    /// Samples left out as saturated, or so bright in the shorter exposures that they had to
-    /// be, per channel.
+    /// Samples left out as saturated or beside a saturated one, or so bright in the shorter
+    /// exposures that they had to be, per channel.
     pub saturated: Vec<u64>,
 }
 
@@ -91,6 +92,8 @@ pub struct ChannelReport {
     pub hot: u64,
     /// Other pixels that are saturated in every frame.
     pub saturated_everywhere: u64,
+    /// Pixels masked because they see nothing where all that surround them see light.
+    pub dead: u64,
 }
 
 /// What was left out of a merge, and where.
@@ -329,6 +332,7 @@ impl Merge {
             let mut report = ChannelReport {
                 hot: 0,
                 saturated_everywhere: (value.len() - measured) as u64,
+                dead: 0,
             };
             for (at, level) in dark.warm.iter().filter(|warm| warm.0 % channels == channel) {
                 let at = at / channels;
@@ -342,6 +346,11 @@ impl Merge {
                     let excess = f64::from(level - dark.levels[channel].median);
                     variance[at] += noise.of_charge(excess, of_set) as f32;
                 }
+            }
+            for at in dead::find(&value, &variance, width) {
+                report.dead += 1;
+                value[at] = 0.0;
+                variance[at] = f32::INFINITY;
             }
             let pixels = (width * height) as u64;
             if report.saturated_everywhere as f64 >= TOO_MANY_SATURATED * pixels as f64 {

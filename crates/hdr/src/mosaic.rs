@@ -23,6 +23,7 @@ pub fn unfolded(
         sum(&report.channels.iter().map(number).collect::<Vec<_>>())
     };
     let (hot, everywhere) = (of(|c| c.hot), of(|c| c.saturated_everywhere));
+    let dead = of(|c| c.dead);
     let report = MergeReport {
         dark_dn_per_s: report.dark_dn_per_s,
         frames: report
@@ -37,8 +38,10 @@ pub fn unfolded(
         channels: hot
             .into_iter()
             .zip(everywhere)
-            .map(|(hot, saturated_everywhere)| ChannelReport {
+            .zip(dead)
+            .map(|((hot, saturated_everywhere), dead)| ChannelReport {
                 hot,
+                dead,
                 saturated_everywhere,
             })
             .collect(),

@@ -652,7 +652,7 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
                 format!("{percent:.2} %")
             });
             lines.push(format!(
-                "{what}, {} s: saturated and left out: {}",
+                "{what}, {} s: saturated, or beside what is, and left out: {}",
                 frame.exposure_s,
                 per_channel(shares)
             ));
@@ -660,6 +660,13 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
     }
     let hot = per_channel(&mut merged.report.channels.iter().map(|c| c.hot.to_string()));
     lines.push(format!("{what}: hot pixels masked: {hot}"));
+    if merged.report.channels.iter().any(|c| c.dead > 0) {
+        let counts = &mut merged.report.channels.iter().map(|c| c.dead.to_string());
+        lines.push(format!(
+            "{what}: dead pixels masked, which see nothing amid light: {}",
+            per_channel(counts)
+        ));
+    }
     if merged
         .report
         .channels

@@ -79,6 +79,37 @@ struct Estimates {
     largest: Vec<f32>,
 }
 
+/// Over three rows: sums of estimates and of whether there are any, and the largest sample.
+struct Columns {
+    value: Vec<f32>,
+    present: Vec<f32>,
+    full: Vec<f32>,
+}
+
+/// Samples of a row of the frame, with a margin at both ends.
+#[derive(Clone)]
+struct Seen {
+    value: Vec<f32>,
+    /// The largest value of each chunk, none below 0.
+    largest: Vec<f32>,
+}
+
+impl Seen {
+    /// Takes row number `y`; what lies outside the frame is dark.
+    #[inline(always)]
+    fn load(&mut self, step: &Step<'_>, y: Option<usize>) {
+        let Layout { row, right, .. } = step.layout;
+        let value = &mut self.value[right..][..row];
+        match y.filter(|y| (y + 1) * row <= step.samples.len()) {
+            Some(y) => step.samples.copy_to(y * row..(y + 1) * row, value),
+            None => value.fill(0.0),
+        }
+        for (chunk, largest) in value.chunks(CHUNK).zip(&mut self.largest) {
+            *largest = largest_of(chunk);
+        }
+    }
+}
+
 impl NullaryFnOnce for Block<'_, '_> {
     type Output = Outcome;
 
@@ -110,9 +141,22 @@ impl NullaryFnOnce for Block<'_, '_> {
             largest: vec![0.0; row.div_ceil(CHUNK)],
         };
         // Rows y − down to y + down; what lies outside the frame is empty.
-        let mut window = vec![empty.clone(); 2 * down + 1];
-        let mut column = empty;
-        let (mut samples, mut dark) = (vec![0.0; row], vec![0.0; row]);
+        let mut window = vec![empty; 2 * down + 1];
+        let mut column = Columns {
+            value: vec![0.0; row + 2 * right],
+            present: vec![0.0; row + 2 * right],
+            full: vec![0.0; row + 2 * right],
+        };
+        let unseen = Seen {
+            value: vec![0.0; row + 2 * right],
+            largest: vec![0.0; row.div_ceil(CHUNK)],
+        };
+        let mut seen = vec![unseen; 2 * down + 1];
+        for (k, seen) in seen.iter_mut().enumerate().skip(1) {
+            // One row up: the loop takes the next before it looks.
+            seen.load(step, (first + k).checked_sub(down + 1));
+        }
+        let mut dark = vec![0.0; row];
         let mut weight = vec![0.0; row];
         if let Some(above) = above {
             let rows = above.sum.len() / row;
@@ -160,13 +204,15 @@ impl NullaryFnOnce for Block<'_, '_> {
                 }
             }
             let here = (first + y) * row..(first + y + 1) * row;
-            step.samples.copy_to(here.clone(), &mut samples);
+            seen.rotate_left(1);
+            seen[2 * down].load(step, Some(first + y + down));
             step.dark.copy_mean_to(here.clone(), &mut dark);
             let three = [&window[0], &window[down], &window[2 * down]];
-            step.weigh(three, &mut column, &samples, &dark, &mut weight);
+            let seen = [&seen[0], &seen[down], &seen[2 * down]];
+            step.weigh(three, &mut column, seen, &dark, &mut weight);
             let at = y * row..(y + 1) * row;
             step.add(
-                &samples,
+                &seen[1].value[right..][..row],
                 &dark,
                 &mut weight,
                 &mut sum[at.clone()],
@@ -235,21 +281,24 @@ impl Step<'_> {
     /// part of the prediction, a frame would be dropped more often where the sum so far is too
     /// high, and the merged value would keep that error: a bias of 0.2 standard deviations,
     /// permilles, wherever the radiance is near the limit.
+    ///
+    /// A saturated sample may have lost charge to its neighbours (blooming): they do not count
+    /// either.
     #[inline(always)]
     fn weigh(
         &self,
         [above, middle, below]: [&Estimates; 3],
-        column: &mut Estimates,
-        samples: &[f32],
+        column: &mut Columns,
+        seen: [&Seen; 3],
         dark: &[f32],
         weight: &mut [f32],
     ) {
         let right = self.layout.right;
-        let n = samples.len();
+        let n = dark.len();
         let last = middle.largest.len() - 1;
         for (chunk, start) in (0..n).step_by(CHUNK).enumerate() {
             let end = (start + CHUNK).min(n);
-            let (samples, dark) = (&samples[start..end], &dark[start..end]);
+            let dark = &dark[start..end];
             let weight = &mut weight[start..end];
             // Most of a picture is far below the limit in most frames, and then no mean of
             // neighbours can be above it.
@@ -260,7 +309,11 @@ impl Step<'_> {
                 .fold(0.0, |most: f32, value| most.max(*value));
             // What a rounding may be off counts for the limit.
             let most = 1.000_01 * brightest * self.exposure + largest_of(dark);
-            if most <= 0.999_99 * self.neighbours_limit && largest_of(samples) < self.white {
+            let largest = seen
+                .into_iter()
+                .flat_map(|row| &row.largest[beside.clone()])
+                .fold(0.0, |most: f32, value| most.max(*value));
+            if most <= 0.999_99 * self.neighbours_limit && largest < self.white {
                 weight.fill(1.0);
                 continue;
             }
@@ -279,13 +332,22 @@ impl Step<'_> {
                 *sum = a[i] + b[i] + c[i];
             }
             let own_present = &b[right..];
+            let full = &mut column.full[..reach.len()];
+            let [a, b, c] = seen.map(|row| &row.value[reach.clone()]);
+            for (i, most) in full.iter_mut().enumerate() {
+                let above = if a[i] > b[i] { a[i] } else { b[i] };
+                *most = if c[i] > above { c[i] } else { above };
+            }
+            let (f1, f2) = (&full[right..], &full[2 * right..]);
             let (e1, e2) = (&e[right..], &e[2 * right..]);
             let (p1, p2) = (&p[right..], &p[2 * right..]);
             for i in 0..weight.len() {
                 let sum = e[i] + e1[i] + e2[i] - own[i];
                 let count = (p[i] + p1[i] + p2[i] - own_present[i]).max(1.0);
                 let room = self.neighbours_limit - dark[i];
-                let good = (samples[i] < self.white)
+                let good = (full[i] < self.white)
+                    & (f1[i] < self.white)
+                    & (f2[i] < self.white)
                     & (sum * self.exposure <= room * count)
                     & (own[i] * self.exposure <= self.own_limit - dark[i]);
                 weight[i] = if good { 1.0 } else { 0.0 };
@@ -414,6 +476,24 @@ mod tests {
         all
     }
 
+    /// Which samples, `i % 900` at place `i`, are or touch one of their channel of at least `white`.
+    fn near_saturated(layout: Layout, height: usize, white: f32) -> Vec<bool> {
+        let columns = (layout.row / layout.right) as isize;
+        let near = |i: usize| {
+            let (y, x) = (i / layout.row, i % layout.row);
+            let (column, channel) = ((x / layout.right) as isize, x % layout.right);
+            (-1..=1).any(|dy| {
+                (-1..=1).any(|dx| {
+                    let (v, u) = (y as isize + dy * layout.down as isize, column + dx);
+                    let inside = (0..height as isize).contains(&v) && (0..columns).contains(&u);
+                    let at = || v as usize * layout.row + u as usize * layout.right + channel;
+                    inside && (at() % 900) as f32 >= white
+                })
+            })
+        };
+        (0..layout.row * height).map(near).collect()
+    }
+
     #[test]
     fn neighbours_decide_and_blocks_do_not_matter() {
         // Three channels side by side, and a mosaic whose colours repeat after two rows.
@@ -495,11 +575,11 @@ mod tests {
                     assert_eq!(counted, ((last - first) * 84) as u64);
                 }
                 let mut expected_used = 0;
+                let bright = near_saturated(layout, height, 880.0);
                 for i in 0..n {
                     let sample = (i % 900) as f32;
-                    let good = sample < 880.0
-                        && predicted[i] <= 100.3
-                        && estimates[i].unwrap_or(0.0) <= 180.1;
+                    let good =
+                        !bright[i] && predicted[i] <= 100.3 && estimates[i].unwrap_or(0.0) <= 180.1;
                     expected_used += u64::from(good);
                     let (value, number) = if good {
                         (

@@ -247,6 +247,7 @@ fn hot_pixels_are_not_measured() {
         report.channels,
         [ChannelReport {
             hot: 8,
+            dead: 0,
             saturated_everywhere: 0
         }]
     );
@@ -278,9 +279,10 @@ fn a_tiny_case_by_hand() {
     let (map, report) = merge.finish().unwrap();
     let map = &map.channels[0];
     assert_eq!(map.name, "Y");
-    // The last pixel was saturated in the first frame, and none of its neighbours lets expect it
-    // to be in the second, so its one good sample counts.
-    let values = [(50.0 + 206.0) / 5.0, (-12.0 + 3.0) / 5.0, 895.0 / 4.0];
+    // The last pixel was saturated in the first frame, where the one beside it may have more than
+    // its own; and none of its neighbours lets expect it to be in the second, so that the one good
+    // sample of each counts.
+    let values = [(50.0 + 206.0) / 5.0, 3.0 / 4.0, 895.0 / 4.0];
     for (got, expected) in map.value.iter().zip(values) {
         assert!((got - expected).abs() < 1e-4, "{got} for {expected}");
     }
@@ -298,8 +300,8 @@ fn a_tiny_case_by_hand() {
     let charge = 0.5 * 8.0;
     let last = (2.0 * read + (895.0 + charge) / 2.0) / 16.0 + (0.1 * values[2]).powi(2);
     assert!((map.variance[2] - last).abs() < 1e-2, "{}", map.variance[2]);
-    assert_eq!(report.frames[0].used, [2]);
-    assert_eq!(report.frames[0].saturated, [1]);
+    assert_eq!(report.frames[0].used, [1]);
+    assert_eq!(report.frames[0].saturated, [2]);
     assert_eq!(report.frames[1].used, [3]);
 }
 
@@ -424,4 +426,35 @@ fn each_bad_input_is_named() {
         Merge::new(4, 1, 2, &SENSOR).map(|_| ()).unwrap_err(),
         MergeError::Channels(2)
     );
+}
+
+#[test]
+fn what_a_saturated_pixel_spills_over_does_not_count() {
+    // One pixel saturates in the longer frame, and its neighbours get a fifth more there.
+    let (side, bright) = (16, 8 * 16 + 8);
+    let radiance = |i: usize| if i == bright { 100_000.0 } else { 10_000.0 };
+    let mut merge = Merge::new(side, side, 1, &SENSOR).unwrap();
+    for (t, spill) in [(0.1, 0.0), (1.0, 0.2)] {
+        let near = |i: usize| (i % side).abs_diff(8) <= 1 && (i / side).abs_diff(8) <= 1;
+        let samples: Vec<u16> = (0..side * side)
+            .map(|i| {
+                let more: f64 = if near(i) { 1.0 + spill } else { 1.0 };
+                (300.0 + radiance(i) * t * more).clamp(0.0, 60_000.0) as u16
+            })
+            .collect();
+        let frame = |samples: Vec<u16>| Frame {
+            width: side,
+            height: side,
+            channels: 1,
+            samples: samples.into(),
+        };
+        let dark = DarkFrame::new(&frame(vec![300; side * side]), t).unwrap();
+        merge.add(&frame(samples), &dark, t).unwrap();
+    }
+    let (map, report) = merge.finish().unwrap();
+    for (i, value) in map.channels[0].value.iter().enumerate() {
+        let off = f64::from(*value) / radiance(i) - 1.0;
+        assert!(off.abs() < 1e-3, "{i}: {value}");
+    }
+    assert_eq!(report.frames[1].saturated, [9]);
 }
