@@ -117,11 +117,12 @@ pub(crate) struct InitArgs {
 pub(crate) struct FitChoice {
     /// Model: dipole (exact F_dr), jensen2001 (the paper's rational fit), better-dipole,
     /// kienle-patterson, photon-beam-diffusion (takes --g), multipole (a slab; needs a thickness),
-    /// directional (an oblique beam), monte-carlo (the transport equation itself; needs --g), or
+    /// directional (an oblique beam), monte-carlo (the transport equation itself; takes --g), or
     /// all: the dipole, and beside it every model that applies.
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
-    /// Mean cosine of the scattering angle, for a model that uses it.
+    /// Mean cosine of the scattering angle, for a model that uses it; monte-carlo fits it along
+    /// if it is left out.
     #[arg(long, value_name = "G", allow_negative_numbers = true)]
     pub(crate) g: Option<f64>,
     /// Whether the error that a closed form has against transport is part of weights and

@@ -485,6 +485,44 @@ fn a_simulation_goes_on_where_it_stopped_with_the_same_bytes() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("another medium, seed"));
 }
 
+/// 10¹² photons: the call says how long that is, and an interrupt leaves a smaller result from
+/// which the next call goes on.
+#[cfg(unix)]
+#[test]
+fn more_photons_than_a_life_is_long_are_told_and_interrupted() {
+    use std::io::{BufRead as _, BufReader};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("marble.toml"), MARBLE).unwrap();
+    let simulate = ["simulate", "marble.toml", "-o", "long", "--photons"];
+    let mut child = beamspot()
+        .current_dir(path)
+        .args([&simulate[..], &["1e12"]].concat())
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = String::new();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    stderr.read_line(&mut said).unwrap();
+    assert!(
+        said.contains("1000000000000 photons will take about") && said.contains("interrupt"),
+        "{said}"
+    );
+    let id = child.id().to_string();
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &id])
+        .status();
+    assert!(kill.unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let photons = |text: &str| json(text)["photons"].as_u64().unwrap();
+    let done = photons(&fs::read_to_string(path.join("long/totals.json")).unwrap());
+    assert!((1..1_000_000_000).contains(&done), "{done}");
+    let more = (done + 1).to_string();
+    let more = stdout(path, &[&simulate[..], &[&more, "--json"]].concat());
+    assert!(photons(&more) > done, "{more}");
+}
+
 /// Every command in the README's `sh` blocks, in order, in one folder.
 #[test]
 fn the_readmes_commands_run() {

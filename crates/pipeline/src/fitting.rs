@@ -87,6 +87,8 @@ pub struct Variant {
 pub enum Change {
     /// The beam.
     Beam(Beam),
+    /// The mean cosine of the scattering angle.
+    G(f64),
 }
 
 impl Given {
@@ -156,7 +158,7 @@ impl Given {
                 Change::Beam(Beam::Measured(other)) => {
                     (v.weight * (other.fwhm_mm() - fwhm) / fwhm).powi(2)
                 }
-                Change::Beam(_) => 0.0,
+                Change::Beam(_) | Change::G(_) => 0.0,
             })
             .sum();
         // Three standard deviations of any width that can be measured stay above half of it.
@@ -171,7 +173,7 @@ impl Given {
         }
     }
 
-    fn options(&self, u_scale_relative: f64) -> FitOptions {
+    pub(crate) fn options(&self, u_scale_relative: f64) -> FitOptions {
         FitOptions {
             constraint: self.constraint,
             range_mm: self.range_mm,
@@ -422,8 +424,10 @@ impl Neighbours {
         let (mut aa, mut mixed, mut ss) = (0.0, 0.0, 0.0);
         for Variant { weight, change, .. } in variants {
             let mut case = self.case.clone();
-            let Change::Beam(beam) = change;
-            case.given.beam = beam.clone();
+            match change {
+                Change::Beam(beam) => case.given.beam = beam.clone(),
+                Change::G(g) => case.given.model.g = Some(*g),
+            }
             let (from, to) = (
                 best.coefficients(),
                 case.fitted(self.u_scale_relative)?.coefficients(),
@@ -496,21 +500,21 @@ pub fn model_curve(profile: &RadialProfile, fit: &Fit, given: &Given) -> Result<
         .collect())
 }
 
-/// The rows that `fits` add to a table of materials.
+/// The rows that `fits` add to a table of materials, each with what it took as `given`.
 ///
 /// # Errors
 ///
 /// The model is unknown.
-pub fn materials(fits: &[Fit], material: &str, given: &Given) -> Result<Vec<Material>> {
-    let model: Box<dyn ForwardModel> = library::model(&given.model, given.eta)?;
-    Ok(fits
-        .iter()
-        .map(|fit| {
+pub fn materials(fits: &[Fit], material: &str, given: &[Given]) -> Result<Vec<Material>> {
+    fits.iter()
+        .zip(given)
+        .map(|(fit, given)| {
+            let model = library::model(&given.model, given.eta)?;
             let Coefficients {
                 sigma_a,
                 sigma_s_prime,
             } = fit.coefficients();
-            Material {
+            Ok(Material {
                 material: material.to_owned(),
                 channel: fit.channel.clone(),
                 wavelength_nm: None,
@@ -526,9 +530,9 @@ pub fn materials(fits: &[Fit], material: &str, given: &Given) -> Result<Vec<Mate
                 g: given.model.g,
                 model: given.model.name.clone(),
                 source: format!("beamspot {}", env!("CARGO_PKG_VERSION")),
-            }
+            })
         })
-        .collect())
+        .collect()
 }
 
 /// The constraint called `name`.

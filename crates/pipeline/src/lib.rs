@@ -16,6 +16,7 @@
 //! | [`geometry`] | from the manifest's geometry to a view |
 //! | [`measure`] | the main job: frames to materials |
 //! | [`fitting`] | the fit of every channel, with the uncertainty of what it took as given |
+//! | [`unknown_g`] | a mean cosine that nobody knows, fitted along |
 //! | [`confirm`] | a fit against counted photons |
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
@@ -58,6 +59,7 @@ pub mod sphere;
 pub mod spot;
 pub mod stray;
 pub mod synthesis;
+pub mod unknown_g;
 pub mod verdict;
 
 pub use error::{Error, Kind, Result};

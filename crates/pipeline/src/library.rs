@@ -1,6 +1,7 @@
 //! The tables that ship with beamspot.
 
 use crate::error::{Blame, Error, Kind, Result};
+use crate::unknown_g;
 use formats::materials_csv;
 use physics::{
     BetterDipoleModel, DiffuseFresnel, DipoleModel, DirectionalModel, ForwardModel,
@@ -93,6 +94,20 @@ impl ModelChoice {
     /// Whether the model depends on g.
     pub fn uses_g(&self) -> bool {
         ["monte-carlo", "photon-beam-diffusion"].contains(&self.name.as_str())
+    }
+
+    /// Whether the model cannot do without a g that is not known, so that a fit has to find it.
+    pub fn lacks_g(&self) -> bool {
+        self.solves_transport() && self.g.is_none()
+    }
+
+    /// The same with a g that stands in where the model lacks one.
+    pub(crate) fn with_stand_in(&self) -> Self {
+        let mut choice = self.clone();
+        if choice.lacks_g() {
+            choice.g = Some(unknown_g::STAND_IN);
+        }
+        choice
     }
 
     /// Whether the model depends on the thickness of the sample.

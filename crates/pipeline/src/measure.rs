@@ -15,6 +15,7 @@ use crate::regions;
 use crate::response::Curves;
 use crate::sensing::{Found, Sensing};
 use crate::stray::Veil;
+use crate::unknown_g;
 use crate::verdict::{self, Verdict};
 use fit::{Constraint, Direction, DirectionKind, Fit};
 use formats::capture as manifest;
@@ -535,7 +536,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let capture = &loaded.capture;
     // A model that is not there should not take a minute of merging to find out.
     let model = chosen_model(capture, choices);
-    crate::library::model(&model, capture.eta)?;
+    crate::library::model(&model.with_stand_in(), capture.eta)?;
     let mut radiance = radiance(loaded, monitor)?;
     let place = || loaded.input.path.display().to_string();
     monitor.check()?;
@@ -562,22 +563,26 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         .zip(&measured)
         .map(|((scale, medium), m)| {
             let pixel_mm = radiance.view.blur_mm(m.center_px);
+            let model = model.with_stand_in();
             beam::choose(capture, &scale.white, *medium, &model, pixel_mm)
         })
         .collect::<Result<Vec<_>>>()
         .map_err(|e| e.within(place()))?;
-    let given: Vec<Given> = beams
+    let given = beams
         .iter()
         .zip(&measured)
+        .zip(&radiance.scale_inputs)
         .enumerate()
-        .map(|(index, (beam, m))| {
+        .map(|(index, ((beam, m), scale))| {
             let center_px = measured[0].center_px;
-            Given {
+            let given = Given {
                 directions: radiance.directions(index, m),
                 ..given(capture, choices, &model, &radiance, center_px, beam)
-            }
+            };
+            unknown_g::settled(&m.profile, Some(&m.total), scale, &given)
         })
-        .collect();
+        .collect::<Result<Vec<Given>>>()
+        .map_err(|e| e.within(place()))?;
     let fits = measured
         .iter()
         .zip(&radiance.scale_inputs)
@@ -643,7 +648,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     } else {
         vec![]
     };
-    let materials = fitting::materials(&fits, &capture.material, &given[0])?;
+    let materials = fitting::materials(&fits, &capture.material, &given)?;
     let mut warnings = channel_warnings(&fits, &beams);
     warnings.extend(radiance.curves.iter().map(|_| Curves::warning()));
     for ((fit, veil), m) in fits.iter().zip(&radiance.veils).zip(&measured) {

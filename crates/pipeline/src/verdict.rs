@@ -16,6 +16,8 @@ const NEAR: f64 = 1.0;
 const SHORT: f64 = 0.5;
 /// Standard deviations of the number of runs from which the residuals have structure.
 const STRUCTURE: f64 = 4.0;
+/// How much g may be off where it is given, for what that does to the coefficients.
+const STEP_OF_G: f64 = 0.05;
 /// Relative u from which a coefficient is hardly known.
 const VAGUE: f64 = 0.5;
 
@@ -34,6 +36,9 @@ pub struct Verdict {
     pub break_even_u_total: Option<f64>,
     /// Relative u of the total here, its scale included.
     pub u_total: Option<f64>,
+    /// The mean cosine g that the model took, and how well it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub g: Option<MeanCosine>,
     /// Where the fit starts, in transport lengths 1/σₜ′.
     pub start_in_transport_lengths: f64,
     /// Where it ends, in decay lengths 1/σₜᵣ.
@@ -46,6 +51,17 @@ pub struct Verdict {
     pub share_outside: f64,
     /// Standard deviations by which the residuals change sign less often than noise does.
     pub runs_z: f64,
+}
+
+/// The mean cosine of the scattering angle in a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeanCosine {
+    /// Its value.
+    pub value: f64,
+    /// Its standard uncertainty, where it was fitted along; without one it was given.
+    pub u: Option<f64>,
+    /// By what share σₐ and σₛ′ move if it is 0.05 larger or smaller, the larger of the two.
+    pub moves: [f64; 2],
 }
 
 /// Judges the fit of a channel.
@@ -96,7 +112,12 @@ pub fn judge(
     let break_even = by_total.zip(free).map(|(slope, free)| free / slope.abs());
     let u_total =
         total.map(|t| (t.u_total_reflectance / t.total_reflectance).hypot(u_relative(scale)));
+    let g = mean_cosine(profile, total, scale, &fixed(given.constraint), fit);
     let mut verdict = Verdict {
+        g: g.map(|g| MeanCosine {
+            u: given.fitted_g().map(|(_, u)| u),
+            ..g
+        }),
         good: true,
         bad: vec![],
         notes: vec![],
@@ -113,6 +134,41 @@ pub fn judge(
     verdict.words(given, fit);
     verdict.good = verdict.bad.is_empty();
     Ok(verdict)
+}
+
+/// The g of a transport fit, and what the coefficients make of another one.
+fn mean_cosine(
+    profile: &RadialProfile,
+    total: Option<&TotalReflectance>,
+    scale: &[ScaleInput],
+    given: &Given,
+    fit: &Fit,
+) -> Option<MeanCosine> {
+    let value = given.model.g.filter(|_| given.model.solves_transport())?;
+    let at = fit.coefficients();
+    let mut moves = [0.0_f64; 2];
+    for step in [-STEP_OF_G, STEP_OF_G] {
+        let mut given = given.clone();
+        given.model.g = Some(value + step);
+        // At the table's edge one side has to do.
+        let Ok(found) = fit_channel(profile, total, scale, &given) else {
+            continue;
+        };
+        let found = found.coefficients();
+        for (most, (found, at)) in moves.iter_mut().zip([
+            (found.sigma_a, at.sigma_a),
+            (found.sigma_s_prime, at.sigma_s_prime),
+        ]) {
+            if at > 0.0 {
+                *most = most.max((found / at - 1.0).abs());
+            }
+        }
+    }
+    Some(MeanCosine {
+        value,
+        u: None,
+        moves,
+    })
 }
 
 /// The upper limit that this capture gives for a medium without absorption.
@@ -191,7 +247,21 @@ impl Verdict {
                 ));
             }
         }
-        if self.start_in_transport_lengths < NEAR {
+        if let Some(MeanCosine { value, u, moves }) = self.g {
+            let [a, s] = moves.map(|x| 100.0 * x);
+            let whence = match u {
+                Some(u) => format!(
+                    "g was not given: the data want {value:.2} +- {u:.2}, which is part of u"
+                ),
+                None => format!("g = {value} is taken as given"),
+            };
+            notes.push(format!(
+                "{whence}; {STEP_OF_G} more or less moves sigma_a by {a:.2} % and sigma_s' by {s:.2} \
+                 %"
+            ));
+        }
+        // Transport holds wherever its table does; how sure it is near the beam is part of u.
+        if closed_form && self.start_in_transport_lengths < NEAR {
             bad.push(format!(
                 "the fit starts at {:.2} transport lengths from the beam, where no diffusion is: \
                  photograph a wider field",

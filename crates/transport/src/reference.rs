@@ -34,12 +34,12 @@ impl Reference {
     /// ln of the exitance at `radius`, less ln α′.
     pub(crate) fn ln_reflectance(&self, radius: f64) -> Log {
         let k = self.rate;
+        let distances = self.depths.map(|z| (radius * radius + z * z).sqrt());
         // The nearer source's decay is taken out, so that nothing underflows.
-        let shift = k * radius.hypot(self.depths[0]);
+        let shift = k * distances[0];
+        let decays = [1.0, (shift - k * distances[1]).exp()];
         let (mut sum, mut in_r2, mut in_k) = (0.0, 0.0, 0.0);
-        for z in self.depths {
-            let d = radius.hypot(z);
-            let decay = (shift - k * d).exp();
+        for ((z, d), decay) in self.depths.into_iter().zip(distances).zip(decays) {
             let d3 = d * d * d;
             sum += z * (1.0 + k * d) * decay / d3;
             in_r2 -= z * (k * k * d * d + 3.0 * k * d + 3.0) * decay / (d3 * d * d);

@@ -49,11 +49,18 @@ const GENTLE_FREQUENCY: f64 = 1.0;
 /// Up to this frequency times √(1 − g) the harmonics suffice: the more forward the scattering,
 /// the sharper is the field of light that scattered once.
 const STEEPEST_FREQUENCY: f64 = 6.0;
+/// What harmonics of this order resolve however forward the scattering. At 2.8 the field of a beam
+/// that scatters with g = 0.95 is off by a tenth within a mean free path, at 2 by 4 %.
+const LEAST_STEEPEST_FREQUENCY: f64 = 2.4;
 
-/// Orders of the spherical harmonics: of the solution, of the one that shows how it converges,
-/// and of the one without transverse variation that gives the total.
+/// Up to this frequency, in 1/σₜ*, the field hardly depends on the azimuth: its order m falls like
+/// the m-th power of the frequency, and these orders do.
+const SMOOTH_FREQUENCY: f64 = 0.1;
+const SMOOTH_AZIMUTHS: usize = 8;
+
+/// Orders of the spherical harmonics: of the solution, and of the one without transverse
+/// variation that gives the total.
 const FINE_ORDER: usize = 21;
-const COARSE_ORDER: usize = 15;
 const FLAT_ORDER: usize = 201;
 
 fn frequency(rate: f64, i: usize) -> C {
@@ -64,7 +71,6 @@ fn frequency(rate: f64, i: usize) -> C {
 pub struct Interior {
     g: f64,
     fine: ScaledMedium,
-    coarse: ScaledMedium,
     flat: ScaledMedium,
     rate: f64,
     gentle: usize,
@@ -84,12 +90,12 @@ impl Interior {
         };
         let gentle = below(GENTLE_FREQUENCY).max(3);
         let layout = harmonics::Layout::new(FINE_ORDER, FINE_ORDER);
-        let steep = (gentle..below((STEEPEST_FREQUENCY * (1.0 - g.max(0.0)).sqrt()).max(2.0)))
+        let steepest = STEEPEST_FREQUENCY * (1.0 - g.max(0.0)).sqrt();
+        let steep = (gentle..below(steepest.max(LEAST_STEEPEST_FREQUENCY)))
             .map_while(|i| Decaying::new(&layout, &fine.removal, frequency(rate, i)))
             .collect();
         Self {
             g,
-            coarse: scaled(COARSE_ORDER),
             flat: scaled(FLAT_ORDER),
             fine,
             rate,
@@ -104,8 +110,8 @@ pub struct Surface {
     eta: f64,
     /// Cosine inside of the direction in which light is seen, if it is not exitance.
     toward: Option<f64>,
+    smooth: Boundary,
     fine: Boundary,
-    coarse: Boundary,
     flat: Boundary,
 }
 
@@ -126,8 +132,8 @@ impl Surface {
         Self {
             eta,
             toward,
+            smooth: Boundary::new(eta, FINE_ORDER, SMOOTH_AZIMUTHS, toward),
             fine: Boundary::new(eta, FINE_ORDER, FINE_ORDER, toward),
-            coarse: Boundary::new(eta, COARSE_ORDER, COARSE_ORDER, toward),
             flat: Boundary::new(eta, FLAT_ORDER, 0, toward),
         }
     }
@@ -140,8 +146,8 @@ impl Surface {
     /// The reflectance of the half-space that has this `interior` below this surface.
     pub fn solve(&self, interior: &Interior) -> Solution {
         let Interior { g, rate, .. } = *interior;
+        let smooth = Spectrum::new(&self.smooth, &interior.fine);
         let fine = Spectrum::new(&self.fine, &interior.fine);
-        let coarse = Spectrum::new(&self.coarse, &interior.coarse);
         let flat = Spectrum::new(&self.flat, &interior.flat);
         let once = |medium: &ScaledMedium| match self.toward {
             None => Single::new(self.eta, g, medium.single_albedo),
@@ -149,31 +155,29 @@ impl Surface {
         };
         let single = once(&interior.fine);
         let zero = C::default();
-        let total_of = |spectrum: &Spectrum, medium: &ScaledMedium| {
-            spectrum.at(zero).re + once(medium).beyond(0.0)
-        };
-        let total = total_of(&flat, &interior.flat);
-        let fine_total = total_of(&fine, &interior.fine);
-        let coarse_total = total_of(&coarse, &interior.coarse);
-        // What the last step of order changed, scaled so that the total comes out exact:
-        // Richardson's extrapolation with a known end.
-        let remainder = ((total - fine_total) / (fine_total - coarse_total)).clamp(-2.0, 2.0);
-        let to_coarse = interior.fine.extinction / interior.coarse.extinction;
+        let total = flat.at(zero).re + once(&interior.flat).beyond(0.0);
+        // The harmonics lack some 1e-4 of the light at every frequency that matters; the total
+        // is exact. (Led on from two orders frequency by frequency they err by percents near the
+        // beam where scattering is forward.)
+        let scale = (total - single.beyond(0.0)) / smooth.at(zero).re;
 
-        let mut solved: Vec<(C, C)> = Vec::new();
-        let mut last = (zero, zero);
-        for i in 0..interior.gentle {
-            let q = frequency(rate, i);
-            let value = fine.at(q);
-            let correction = (value - coarse.at(q * to_coarse)) * remainder;
-            solved.push((q, value + correction));
-            last = (q, correction);
-        }
-        for fields in &interior.steep {
-            let q = fields.frequency();
-            let fading = (last.0 * last.0 + 1.0) / (q * q + 1.0);
-            solved.push((q, fine.at_steep(fields) + last.1 * fading));
-        }
+        let mut solved: Vec<(C, C)> = (0..interior.gentle)
+            .map(|i| frequency(rate, i))
+            .map(|q| {
+                let spectrum = if q.norm() < SMOOTH_FREQUENCY {
+                    &smooth
+                } else {
+                    &fine
+                };
+                (q, spectrum.at(q) * scale)
+            })
+            .collect();
+        solved.extend(
+            interior
+                .steep
+                .iter()
+                .map(|fields| (fields.frequency(), fine.at_steep(fields) * scale)),
+        );
         let tail = Tail::fit(&solved);
         let beyond = (solved.len()..).map(|i| frequency(rate, i));
         solved.extend(

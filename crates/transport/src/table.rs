@@ -7,7 +7,7 @@ use physics::DiffuseFresnel;
 use thiserror::Error;
 
 /// First bytes of a table's file, with the version of its layout.
-const MAGIC: &[u8; 8] = b"BSTRANS1";
+const MAGIC: &[u8; 8] = b"BSTRANS2";
 
 /// Relative index, nodes of a polynomial.
 pub(crate) const ETA: Nodes = Nodes {
@@ -15,12 +15,11 @@ pub(crate) const ETA: Nodes = Nodes {
     high: 1.6,
     count: 9,
 };
-/// Mean cosine, nodes of a polynomial.
-pub(crate) const G: Nodes = Nodes {
-    low: -0.3,
-    high: 0.95,
-    count: 10,
-};
+/// Smallest and largest mean cosine.
+pub(crate) const LEAST_G: f64 = -0.3;
+pub(crate) const LARGEST_G: f64 = 0.95;
+/// Nodes of the mean cosine.
+pub(crate) const G_COUNT: usize = 12;
 /// √(3(1 − α′)), knots of a spline. Its lower end stands for no absorption at all.
 pub(crate) const K: Knots = Knots {
     first: 0.002,
@@ -47,7 +46,7 @@ pub(crate) const PER_MEDIUM: usize = CHANNELS * LN_RADIUS.count + 2;
 pub enum BadTable {
     /// The file does not begin as a table of this version does.
     #[error(
-        "a transport table begins with `BSTRANS1`; rebuild it with the command in data/README.md"
+        "a transport table begins with `BSTRANS2`; rebuild it with the command in data/README.md"
     )]
     Version,
     /// The file is shorter or longer than its grid.
@@ -67,10 +66,32 @@ pub(crate) struct Table<'a> {
     bytes: &'a [u8],
 }
 
+/// Forwardness −ln(1 − g), nodes of a polynomial.
+///
+/// At one σₛ′ the mean free path goes with 1 − g, and with it every length near the beam: over g
+/// itself a polynomial through as many nodes is off by percents there.
+fn forwardness() -> Nodes {
+    Nodes {
+        low: -(1.0 - LEAST_G).ln(),
+        high: -(1.0 - LARGEST_G).ln(),
+        count: G_COUNT,
+    }
+}
+
+/// The mean cosine of node number `node`.
+fn g_at(node: usize) -> f64 {
+    1.0 - (-forwardness().at(node)).exp()
+}
+
+/// The weight of every node of the mean cosine in a value at `g`.
+pub(crate) fn g_weights(g: f64) -> Vec<f64> {
+    forwardness().weights(-(1.0 - g).ln())
+}
+
 impl<'a> Table<'a> {
     /// A table in the bytes of its file.
     pub(crate) fn from_bytes(bytes: &'a [u8]) -> Result<Self, BadTable> {
-        let expected = MAGIC.len() + 4 * ETA.count * G.count * K.count * PER_MEDIUM;
+        let expected = MAGIC.len() + 4 * ETA.count * G_COUNT * K.count * PER_MEDIUM;
         if !bytes.starts_with(MAGIC) {
             return Err(BadTable::Version);
         }
@@ -87,12 +108,12 @@ impl<'a> Table<'a> {
 
     /// The corrections at one η and g for every node of k.
     pub(crate) fn reduced(&self, eta: f64, g: f64) -> Vec<f64> {
-        self.mixed(eta, &G.weights(g))
+        self.mixed(eta, &g_weights(g))
     }
 
     /// The corrections at one η and the node number `node` of g, for every node of k.
     pub(crate) fn at_node(&self, eta: f64, node: usize) -> Vec<f64> {
-        let mut weights = vec![0.0; G.count];
+        let mut weights = vec![0.0; G_COUNT];
         weights[node] = 1.0;
         self.mixed(eta, &weights)
     }
@@ -157,19 +178,19 @@ pub(crate) fn corrections(surface: &Surface, interior: &Interior, k: f64) -> Vec
 /// Computes the whole table; `progress` hears the share that is done.
 pub fn build(mut progress: impl FnMut(f64)) -> Vec<u8> {
     let surfaces: Vec<Surface> = (0..ETA.count).map(|i| Surface::new(ETA.at(i))).collect();
-    let mut values = vec![0.0_f32; ETA.count * G.count * K.count * PER_MEDIUM];
-    for j in 0..G.count {
+    let mut values = vec![0.0_f32; ETA.count * G_COUNT * K.count * PER_MEDIUM];
+    for j in 0..G_COUNT {
         for l in 0..K.count {
             let k = K.at(l);
-            let interior = Interior::new(k * k / 3.0, G.at(j));
+            let interior = Interior::new(k * k / 3.0, g_at(j));
             for (i, surface) in surfaces.iter().enumerate() {
-                let start = ((i * G.count + j) * K.count + l) * PER_MEDIUM;
+                let start = ((i * G_COUNT + j) * K.count + l) * PER_MEDIUM;
                 let row = &mut values[start..start + PER_MEDIUM];
                 for (x, value) in row.iter_mut().zip(corrections(surface, &interior, k)) {
                     *x = value as f32;
                 }
             }
-            progress((j * K.count + l + 1) as f64 / (G.count * K.count) as f64);
+            progress((j * K.count + l + 1) as f64 / (G_COUNT * K.count) as f64);
         }
     }
     let mut bytes = MAGIC.to_vec();

@@ -214,7 +214,7 @@ fn what_the_table_lacks_is_refused() {
             "{g}"
         );
     }
-    for bytes in [&b""[..], b"BSTRANS1", b"another file"] {
+    for bytes in [&b""[..], b"BSTRANS2", b"another file"] {
         let answer = TransportModel::from_table(bytes, 1.3, 0.0);
         assert!(matches!(answer, Err(OutOfTable::Bytes(_))), "{answer:?}");
     }

@@ -14,7 +14,7 @@ use pipeline::fit_json::FitDocument;
 use pipeline::fitting::{self, Given, ScaleInput};
 use pipeline::library::{ModelChoice, SlabChoice};
 use pipeline::{Error, Kind, Result};
-use pipeline::{bootstrap, stray, verdict};
+use pipeline::{bootstrap, stray, unknown_g, verdict};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -128,40 +128,45 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
             .collect(),
         ..given.clone()
     };
-    let fit_all = |given: &Given| {
-        let fit_one = |(profile, told): (&RadialProfile, &_)| {
+    let settle_all = |given: &Given| {
+        let settle_one = |(profile, told): (&RadialProfile, &_)| {
             let total = total_of(profile);
-            fitting::fit_channel(
-                profile,
-                total,
-                &scale_of(total),
-                &told_of(given, profile, told),
-            )
-            .map_err(|e| e.within(&place))
+            let told = told_of(given, profile, told);
+            unknown_g::settled(profile, total, &scale_of(total), &told)
+                .map_err(|e| e.within(&place))
         };
         let each = profiles.iter().zip(&told);
+        each.map(settle_one).collect::<Result<Vec<Given>>>()
+    };
+    let fit_all = |given: &[Given]| {
+        let fit_one = |(profile, given): (&RadialProfile, &Given)| {
+            let total = total_of(profile);
+            fitting::fit_channel(profile, total, &scale_of(total), given)
+                .map_err(|e| e.within(&place))
+        };
+        let each = profiles.iter().zip(given);
         each.map(fit_one).collect::<Result<Vec<Fit>>>()
     };
-    let fits = fit_all(&given)?;
+    let settled = settle_all(&given)?;
+    let fits = fit_all(&settled)?;
     let (mut verdicts, mut bootstraps) = (vec![], vec![]);
-    for ((profile, fit), told) in profiles.iter().zip(&fits).zip(&told) {
-        let given = told_of(&given, profile, told);
+    for ((profile, fit), given) in profiles.iter().zip(&fits).zip(&settled) {
         let total = total_of(profile);
         let scale = scale_of(total);
-        verdicts.push(verdict::judge(profile, total, &scale, &given, fit)?);
+        verdicts.push(verdict::judge(profile, total, &scale, given, fit)?);
         if args.fit.bootstrap > 0 {
             let channel = bootstrap::Channel {
                 profile,
                 total,
                 scale: &scale,
-                given: &given,
+                given,
             };
             let medium = fit.coefficients();
             bootstraps.push(channel.bootstrap(medium, args.fit.bootstrap, bootstrap::SEED)?);
         }
     }
     let compared = if args.fit.compares() {
-        comparison::compare(&known, &given, fit_all)?
+        comparison::compare(&known, &given, |given| fit_all(&settle_all(given)?))?
     } else {
         vec![]
     };
