@@ -226,3 +226,81 @@ fn frames_that_moved_are_put_back() {
     let moved = said.matches("moved back by whole pixels").count();
     assert!(moved > 10, "{said}");
 }
+
+/// An oblique beam, from files: what enters at one place glows about another. The entry is a compact
+/// spot of an ink, the glow that of marble photographed 12 px to the right, added count by count.
+#[test]
+fn an_oblique_beam_enters_at_one_place_and_glows_about_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = |offset: f64| Camera {
+        channels: synth::Channels::Mono,
+        beam_angle_deg: 45.0,
+        spot_offset_px: [offset, 0.0],
+        beam_fwhm_mm: 0.6,
+        full_well_e: 12_000.0,
+        ..small()
+    };
+    let one = |name: &str, sigma_a: f64, sigma_s_prime: f64, offset: f64| {
+        let at = physics::Coefficients {
+            sigma_a,
+            sigma_s_prime,
+        };
+        let sample = Sample {
+            material: name.to_owned(),
+            eta: 1.5,
+            channels: vec![("Y".to_owned(), at)],
+        };
+        let target = folder.path().join(name);
+        let model = ModelChoice::default();
+        synthesis::write(&sample, camera(offset), &model, 5, &target, false, &Silent).unwrap()
+    };
+    let manifest = one("marble", 0.004, 2.6, 12.0);
+    let ink = one("ink", 0.5, 60.0, 0.0);
+    let (glow, spot) = (
+        capture::load(&manifest).unwrap(),
+        capture::load(&ink).unwrap(),
+    );
+    let frame = |path: &Path| {
+        formats::decode_frame(&std::fs::read(path).unwrap())
+            .unwrap()
+            .frame
+    };
+    for (a, b) in glow
+        .capture
+        .sample
+        .frames
+        .iter()
+        .zip(&spot.capture.sample.frames)
+    {
+        let path = glow.folder.join(&a.file);
+        let (mut sum, other) = (frame(&path), frame(&spot.folder.join(&b.file)));
+        let both = sum.samples.to_f32().into_iter().zip(other.samples.to_f32());
+        let counts: Vec<u16> = both
+            .map(|(a, b)| (a + b - 200.0).clamp(0.0, 24_200.0) as u16)
+            .collect();
+        sum.samples = counts.into();
+        let mut bytes = std::io::Cursor::new(vec![]);
+        formats::encode_tiff(&sum, &mut bytes).unwrap();
+        std::fs::write(&path, bytes.into_inner()).unwrap();
+    }
+    let found = measured(&manifest);
+    let said = found.assumptions.join("\n");
+    println!("{said}");
+    // Both places are reported: the middle of the frame, and 12 px to its right.
+    let words = [
+        "the beam comes at 45 degrees and enters at (",
+        "the glow is centred at (",
+    ];
+    let places = words.map(|word| {
+        let rest = said.split(word).nth(1).unwrap();
+        let column = rest.split(',').next().unwrap();
+        column.parse::<f64>().unwrap()
+    });
+    assert!((places[0] - 159.5).abs() < 1.0, "{places:?}");
+    assert!((places[1] - 171.5).abs() < 1.0, "{places:?}");
+    let distance = 12.0 * 0.12;
+    let apart = (places[1] - places[0]) * 0.12;
+    assert!((apart - distance).abs() < 0.15, "{apart}");
+    // The profile is that about the glow.
+    assert!((found.measured[0].center_px[0] - places[1]).abs() < 0.01);
+}

@@ -337,6 +337,83 @@ fn a_frame_of_another_kind() {
     }
 }
 
+/// The capture's manifest with more lines in its section `[name]`.
+fn with_lines(text: &str, name: &str, lines: &str) -> String {
+    let section = format!("[{name}]\n");
+    text.replacen(&section, &format!("{section}{lines}\n"), 1)
+}
+
+#[test]
+fn masks_and_regions_that_leave_nothing_or_fit_nothing() {
+    let refused = |lines: &str, words: &[&str]| {
+        manifest_refused(|text| with_lines(text, "sample", lines), words);
+    };
+    refused("mask = \"nothing.png\"", &["nothing.png"]);
+    refused(
+        "mask = \"capture.toml\"",
+        &["capture.toml", "expected TIFF, PNG"],
+    );
+    refused(
+        "leave_out = [ { circle_px = [64, 64, 500] } ]",
+        &["capture.toml", "sample", "leave out every pixel"],
+    );
+    refused(
+        "leave_out = [ { polygon_px = [[0, 0], [9, 9]] } ]",
+        &["sample.leave_out[0].polygon_px", "at least 3 corners"],
+    );
+    refused(
+        "sectors_deg = [[10, 10]]",
+        &["sample.sectors_deg[0]", "that differ"],
+    );
+    // A mask of another size: a frame of 2 x 2 pixels.
+    let folder = tempfile::tempdir().unwrap();
+    copy_capture(folder.path());
+    let path = folder.path().join("capture.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, with_lines(&text, "sample", "mask = \"mask.pgm\"")).unwrap();
+    fs::write(
+        folder.path().join("mask.pgm"),
+        b"P5 2 2 255\n\x01\x00\x00\x00",
+    )
+    .unwrap();
+    let arguments = ["measure", "capture.toml", "-o", "result"];
+    crate::refused(
+        folder.path(),
+        &arguments,
+        3,
+        &["mask.pgm", "a mask of 2 x 2 pixels", "128 x 128"],
+    );
+}
+
+#[test]
+fn corners_that_are_no_view() {
+    let corners_refused = |px: &str, mm: &str, words: &[&str]| {
+        let edit = |text: &str| {
+            let own = ["mm_per_pixel", "u_mm_per_pixel"];
+            let kept = |line: &&str| !own.iter().any(|key| line.starts_with(key));
+            let text: Vec<&str> = text.lines().filter(kept).collect();
+            let lines = format!("corners_px = {px}\ncorners_mm = {mm}");
+            with_lines(&text.join("\n"), "geometry", &lines)
+        };
+        manifest_refused(edit, words);
+    };
+    let square = "[[0, 0], [5, 0], [5, 5], [0, 5]]";
+    // Three in a line, two that cross, four on a spot, and one that is no number.
+    for bad in [
+        "[[0, 0], [60, 0], [120, 0], [0, 120]]",
+        "[[0, 0], [120, 120], [120, 0], [0, 120]]",
+        "[[7, 7], [7, 7], [7, 7], [7, 7]]",
+    ] {
+        corners_refused(bad, square, &["capture.toml", "geometry"]);
+    }
+    corners_refused(
+        "[[0, 0], [nan, 0], [120, 120], [0, 120]]",
+        square,
+        &["geometry.corners_px", "NaN"],
+    );
+    corners_refused(square, "[[0, 0], [5, 0], [5, 5]]", &["corners_mm"]);
+}
+
 #[test]
 fn a_copy_in_the_place_of_a_frame() {
     let copy = fs::read(capture().join("sample/sample_01.tif")).unwrap();

@@ -192,3 +192,76 @@ impl Consistency {
         notes
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::Frame;
+
+    fn decoded(bits: u16) -> Decoded {
+        Decoded {
+            frame: Frame {
+                width: 2,
+                height: 1,
+                channels: 1,
+                samples: vec![1_u16, 2].into(),
+            },
+            depth: Depth::Bits(bits),
+            mosaic: None,
+            white_level_dn: None,
+            curve: false,
+        }
+    }
+
+    fn of(camera: &str, iso: u64) -> Metadata {
+        Metadata {
+            camera: Some(camera.to_owned()),
+            iso: Some(iso),
+            ..Metadata::default()
+        }
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_named_with_both_files() {
+        let entry = |file: &str| FrameEntry {
+            file: file.to_owned(),
+            exposure_s: 0.1,
+        };
+        for (hash, bits, metadata, words) in [
+            (
+                "b",
+                16,
+                of("Maker Two", 100),
+                "`Maker Two`, and a.tif with `Maker One`",
+            ),
+            (
+                "b",
+                16,
+                of("Maker One", 200),
+                "ISO 200, and a.tif at ISO 100",
+            ),
+            (
+                "b",
+                8,
+                of("Maker One", 100),
+                "8-bit samples, and a.tif has 16-bit",
+            ),
+            ("a", 16, of("Maker One", 100), "the very bytes of a.tif"),
+        ] {
+            let mut seen = Consistency::default();
+            let first = of("Maker One", 100);
+            seen.see(&entry("a.tif"), "a", &decoded(16), &first, None)
+                .unwrap();
+            let refused = seen.see(&entry("b.tif"), hash, &decoded(bits), &metadata, None);
+            let said = refused.unwrap_err().to_string();
+            assert!(said.contains("b.tif") && said.contains(words), "{said}");
+        }
+        // A file that says nothing of its camera contradicts nothing.
+        let mut seen = Consistency::default();
+        let (first, silent) = (of("Maker One", 100), Metadata::default());
+        seen.see(&entry("a.tif"), "a", &decoded(16), &first, None)
+            .unwrap();
+        seen.see(&entry("b.tif"), "b", &decoded(16), &silent, None)
+            .unwrap();
+    }
+}

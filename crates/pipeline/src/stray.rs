@@ -19,6 +19,9 @@ const TRANSFER: f64 = 0.1;
 /// own light fills the picture; and its uncertainty where it could only be bounded.
 const NAMED: f64 = 0.05;
 
+/// Standard uncertainties from which stray light is seen.
+const SEEN: f64 = 3.0;
+
 /// Share of a medium's light beyond the picture from which it fills it.
 const FILLS: f64 = 0.01;
 
@@ -137,7 +140,15 @@ impl Veil {
     /// What it is and how it is known.
     pub(crate) fn sentence(&self) -> String {
         let percent = |share: f64| format!("{:.4} %", 100.0 * share);
-        if self.measured {
+        if self.measured && self.share.abs() < SEEN * self.u_share {
+            format!(
+                "no stray light is seen in the far field of the white reference, {} ± {} of the \
+                 picture's light; the fit holds {:.1e} mm^-2 for it",
+                percent(self.share),
+                percent(self.u_share),
+                self.u
+            )
+        } else if self.measured {
             format!(
                 "stray light, spread evenly over the picture, is {} ± {} of its light, as the far \
                  field of the white reference shows; {:.2e} mm^-2 was subtracted, ± {:.1e} before \

@@ -96,7 +96,7 @@ pub fn report_html(report: &Report) -> String {
     comparison(&mut out, report);
     budgets(&mut out, report);
     list(&mut out, "Confirmation", &report.confirmation);
-    list(&mut out, "Beam and blur", &report.beam);
+    list(&mut out, "Beam, blur and stray light", &report.beam);
     list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
     provenance(&mut out, report);
