@@ -33,6 +33,7 @@ pub(crate) struct Net {
     pub(crate) exposure_s: f64,
     /// Row after row of [`rows`].
     value: Vec<f32>,
+    /// Likewise; none once it was [`Self::settled`].
     dark: Vec<f32>,
     pub(crate) darks: u32,
 }
@@ -77,6 +78,16 @@ impl Net {
     }
 }
 
+impl Net {
+    /// The same without its dark, for the shorter frame of a pair of which nobody asks that.
+    pub(crate) fn settled(self) -> Self {
+        Self {
+            dark: vec![],
+            ..self
+        }
+    }
+}
+
 /// Two exposures of one scene, sample by sample.
 #[derive(Clone, Copy)]
 pub(crate) struct Pair<'a> {
@@ -98,7 +109,7 @@ pub(crate) struct Both {
     pub(crate) short: f32,
     /// The long frame, DN over dark.
     pub(crate) long: f32,
-    /// The darks of both, DN.
+    /// The darks of both, DN; 0 for one that is settled.
     pub(crate) darks: [f32; 2],
 }
 
@@ -140,7 +151,7 @@ impl<'a> Pair<'a> {
             let here = number * length..(number + 1) * length;
             let short = &self.short.value[here.clone()];
             let long = &self.long.value[here.clone()];
-            let short_dark = &self.short.dark[here.clone()];
+            let short_dark = self.short.dark.get(here.clone()).unwrap_or_default();
             let dark = &self.long.dark[here];
             let of = |at: usize| short[at] + long[at];
             for at in channels..length.saturating_sub(channels) {
@@ -153,7 +164,7 @@ impl<'a> Pair<'a> {
                         expected,
                         short: short[at],
                         long: long[at],
-                        darks: [short_dark[at], dark[at]],
+                        darks: [short_dark.get(at).copied().unwrap_or(0.0), dark[at]],
                     });
                 }
             }

@@ -122,7 +122,7 @@ impl Overlap {
             self.links.push(link(&pair, self.black_dn, self.white_dn));
         }
         self.exposures_s.push(exposure_s);
-        self.previous = Some(net);
+        self.previous = Some(net.settled());
         Ok(())
     }
 
