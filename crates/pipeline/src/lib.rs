@@ -38,6 +38,7 @@ pub mod confirm;
 mod consistency;
 pub mod discrepancy;
 pub mod error;
+mod exit;
 mod exposures;
 pub mod figures;
 pub mod files;

@@ -6,6 +6,7 @@ use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
 use crate::comparison::{self, Compared};
 use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
+use crate::exit;
 use crate::fit_json::FitDocument;
 use crate::fitting::{self, Given, ScaleInput};
 use crate::geometry;
@@ -583,6 +584,24 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         })
         .collect::<Result<Vec<Given>>>()
         .map_err(|e| e.within(place()))?;
+    let mut exit_lines = vec![];
+    let seen = (measured.par_iter())
+        .zip(&radiance.scale_inputs)
+        .zip(&given)
+        .map(|((m, scale), given)| exit::of_transport(m, scale, given))
+        .collect::<Result<Vec<_>>>()
+        .map_err(|e| e.within(place()))?;
+    let measured: Vec<Measured> = measured
+        .into_iter()
+        .zip(seen)
+        .map(|(diffuse, seen)| match seen {
+            None => diffuse,
+            Some((seen, line)) => {
+                exit_lines.push(line);
+                seen
+            }
+        })
+        .collect();
     let fits = measured
         .iter()
         .zip(&radiance.scale_inputs)
@@ -662,6 +681,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         assumptions: {
             let mut lines = assumptions(capture, &given[0].model, &radiance.estimated);
             lines.extend(centers.lines);
+            lines.extend(exit_lines);
             lines.extend(unseen(&radiance.scales, &measured));
             lines
         },

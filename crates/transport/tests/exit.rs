@@ -96,3 +96,36 @@ fn mean_over(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
     }
     sum / weight
 }
+
+/// The factor by radius, the point at the beam included, adds up to the mean over the plane.
+#[test]
+fn radii_add_up_to_the_mean() {
+    for (eta, g, sigma_a, cos_view) in [
+        (1.3, 0.8, 0.33, 1.0),
+        (1.3, 0.8, 0.33, 0.9),
+        (1.5, 0.0, 0.01, 1.0),
+    ] {
+        let model = TransportModel::new(eta, g).unwrap();
+        let at = Coefficients {
+            sigma_a,
+            sigma_s_prime: 1.0 - sigma_a,
+        };
+        let factor = model.exit_factor(at, cos_view);
+        let edges: Vec<f64> = (0..=400).map(|i| 1e-4 * 1.04_f64.powi(i)).collect();
+        let within: Vec<f64> = edges.iter().map(|&r| model.within(at, r).value).collect();
+        let mut sum = factor.at_beam + factor.at(edges[0]) * within[0];
+        for (edges, within) in edges.windows(2).zip(within.windows(2)) {
+            sum += factor.at((edges[0] * edges[1]).sqrt()) * (within[1] - within[0]);
+        }
+        let mean = sum / model.within(at, f64::INFINITY).value;
+        println!(
+            "eta {eta} g {g} sigma_a {sigma_a} cos {cos_view}: {mean:.4} for {:.4}, at the beam {:.4}",
+            factor.mean, factor.at_beam
+        );
+        assert!(
+            (mean / factor.mean - 1.0).abs() < 6e-3,
+            "{mean} for {}",
+            factor.mean
+        );
+    }
+}
