@@ -357,7 +357,7 @@ pub(crate) struct SphereArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  beamspot figures hk93 -o figures")]
 pub(crate) struct FiguresArgs {
-    /// jensen2001 (Figure 6) or hk93 (Figures 2, 3, 4, 5, 8 and 9).
+    /// jensen2001 (Figure 6, and the energy of the BSSRDF) or hk93 (Figures 2, 3, 4, 5, 8 and 9).
     pub(crate) paper: String,
     /// Folder to write csv and svg to.
     #[arg(short, long, value_name = "DIR")]

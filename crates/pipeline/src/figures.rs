@@ -1,6 +1,7 @@
 //! The papers' figures, computed: csv and svg of each.
 
 use crate::brdf::follow;
+use crate::energy::{Energy, energy};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::Outputs;
 use crate::library;
@@ -51,7 +52,7 @@ pub fn figures(
         "hk93" => &[
             "figure2", "figure3", "figure4", "figure5", "figure8", "figure9",
         ],
-        "jensen2001" => &["figure6"],
+        "jensen2001" => &["figure6", "energy"],
         _ => {
             let message = format!(
                 "no paper is called `{paper}`; there are {}",
@@ -77,7 +78,10 @@ pub fn figures(
         ]
     } else {
         monitor.begin("photons", blocks);
-        vec![("figure6", marble(blocks, monitor)?)]
+        vec![
+            ("figure6", marble(blocks, monitor)?),
+            ("energy", energy_by_albedo()?),
+        ]
     };
     for (name, chart) in &figures {
         outputs.write(format!("{name}.csv"), |out| {
@@ -525,6 +529,41 @@ fn marble(blocks: u64, monitor: &dyn Monitor) -> Result<Chart> {
     Ok(Chart {
         title: "Jensen et al. 2001, Figure 6: the dipole and Monte Carlo".to_owned(),
         columns: 1,
+        panels,
+    })
+}
+
+/// What section 2 of Jensen et al. returns of the light, term by term: not a figure of the paper,
+/// but what its reader should know.
+fn energy_by_albedo() -> Result<Chart> {
+    let mut panels = vec![];
+    // Indices of the paper's materials.
+    for eta in [1.3, 1.5] {
+        let audits = grid(0.01, 0.999, 40)
+            .map(|albedo| Ok((albedo, energy(albedo, eta)?)))
+            .collect::<Result<Vec<_>>>()?;
+        let of = |name, stroke, f: &dyn Fn(&Energy) -> f64| {
+            let points = audits.iter().map(|(albedo, e)| (*albedo, f(e))).collect();
+            line(name, stroke, points)
+        };
+        panels.push(Panel {
+            title: format!("η {eta}, isotropic, normal incidence"),
+            x: "albedo".to_owned(),
+            y: "share of the incident light returned".to_owned(),
+            x_range: Some((0.0, 1.0)),
+            scale: Scale::Linear,
+            lines: vec![
+                of("exact (adding-doubling)", Stroke::Full, &|e| e.exact),
+                of("diffuse term", Stroke::Dashed, &|e| e.diffuse),
+                of("single scattering", Stroke::Dashed, &|e| e.single),
+                of("both, 1/η² mended", Stroke::Full, &Energy::both),
+                of("both, as printed", Stroke::Dashed, &Energy::both_as_printed),
+            ],
+        });
+    }
+    Ok(Chart {
+        title: "Jensen et al. 2001: the energy of the BSSRDF".to_owned(),
+        columns: 2,
         panels,
     })
 }

@@ -37,6 +37,7 @@ pub mod comparison;
 pub mod confirm;
 mod consistency;
 pub mod discrepancy;
+pub mod energy;
 pub mod error;
 mod exit;
 mod exposures;
