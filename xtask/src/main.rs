@@ -8,7 +8,7 @@ use std::process::Command;
 
 const USAGE: &str = "usage: cargo xtask ci | python
   ci       everything that the server runs: format, lints, tests, documentation, Python
-  python   the cross-check against scipy and nlopt alone, in an environment of its own";
+  python   the Python tests alone (cross-check, files, module), in an environment of its own";
 
 fn main() -> Result<()> {
     env::set_current_dir(root())?;
@@ -45,7 +45,7 @@ fn ci() -> Result<()> {
     python()
 }
 
-/// Runs the Python tests against the release build.
+/// Runs the Python tests against the release build and the module.
 fn python() -> Result<()> {
     cargo(&["build", "--release"])?;
     cargo(&[
@@ -69,16 +69,19 @@ fn python() -> Result<()> {
             ["-m".as_ref(), "venv".as_ref(), venv.as_os_str()],
         ))?;
     }
-    let requirements = "tests/python/requirements.txt";
     let install = [
         "-m",
         "pip",
         "install",
         "--quiet",
         "--disable-pip-version-check",
-        "-r",
     ];
-    run(command(&bin, install).arg(requirements))?;
+    let requirements = ["-r", "tests/python/requirements.txt"];
+    run(command(&bin, install).args(requirements))?;
+    // The module as its users get it; what the release build has compiled serves again.
+    run(command(&bin, install)
+        .arg(".")
+        .env("CARGO_TARGET_DIR", &target))?;
     let mut pytest = command(
         &bin,
         ["-m", "pytest", "-p", "no:cacheprovider", "tests/python"],

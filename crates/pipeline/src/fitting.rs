@@ -92,6 +92,29 @@ pub enum Change {
 }
 
 impl Given {
+    /// A model at an index, everything else exact: a thin beam along the normal, a profile of
+    /// exitance per incident power, no total.
+    pub fn of(model: ModelChoice, eta: f64) -> Self {
+        Self {
+            model,
+            discrepancy: true,
+            constraint: Constraint::None,
+            free_scale: false,
+            range_mm: None,
+            eta,
+            u_eta: 0.0,
+            entry_loss: true,
+            cos_beam: 1.0,
+            exit: Exit::Lambert,
+            u_length_relative: 0.0,
+            beam: Beam::Point,
+            u_fwhm_mm: 0.0,
+            pixel_mm: 0.0,
+            variants: vec![],
+            directions: vec![],
+        }
+    }
+
     /// Share of the incident power that enters at index `eta`; 1 in the paper's mode.
     pub(crate) fn entry_factor(&self, eta: f64) -> f64 {
         if self.entry_loss {
@@ -102,7 +125,11 @@ impl Given {
     }
 
     /// The model at the index.
-    pub(crate) fn model(&self) -> Result<Box<dyn ForwardModel>> {
+    ///
+    /// # Errors
+    ///
+    /// The model is unknown, or lacks what it needs.
+    pub fn model(&self) -> Result<Box<dyn ForwardModel>> {
         library::model(&self.model, self.eta)
     }
 
@@ -173,7 +200,8 @@ impl Given {
         }
     }
 
-    pub(crate) fn options(&self, u_scale_relative: f64) -> FitOptions {
+    /// What a fit alone is told of it, without the uncertainties of the inputs.
+    pub fn options(&self, u_scale_relative: f64) -> FitOptions {
         FitOptions {
             constraint: self.constraint,
             range_mm: self.range_mm,

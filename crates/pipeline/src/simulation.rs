@@ -1,5 +1,6 @@
 //! Monte Carlo simulations as files.
 
+use crate::brdf::follow;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, read, read_text};
 use crate::fit_json::SCHEMA_VERSION;
@@ -237,6 +238,26 @@ pub fn simulate(
         totals,
         interrupted,
     })
+}
+
+/// Follows at least `photons` photons through the medium of `file`, without files.
+///
+/// # Errors
+///
+/// The medium cannot be used, the instruction path is unknown or not there, or the user stopped it.
+pub fn run(
+    file: &MediumFile,
+    photons: u64,
+    seed: u64,
+    simd: Option<&str>,
+    monitor: &dyn Monitor,
+) -> Result<(Totals, Tally)> {
+    let path = simd_path(simd)?;
+    let simulation = simulation(file, seed, path)?;
+    let blocks = Simulation::blocks_for(photons).map_err(|e| Error::new(Kind::Usage, e))?;
+    monitor.begin("photons", blocks.end);
+    let tally = follow(&simulation, blocks.end, monitor)?;
+    Ok((totals(&tally, seed, path), tally))
 }
 
 fn say_how_long(seconds: f64, effort: Effort, say: &mut dyn FnMut(&str)) {

@@ -3,7 +3,6 @@
 use super::print;
 use crate::args::{Common, FitArgs};
 use ::fit::{Constraint, Fit};
-use ::profile::Exit;
 use physics::footprint::Beam;
 use physics::{ObliqueBeam, RadialProfile, TotalReflectance};
 use pipeline::capture::Input;
@@ -59,30 +58,24 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         beams = formats::beam_csv::read(&bytes[..]).input(path.display())?;
         inputs.push(Input::named_by_itself(path, &bytes));
     }
+    let model = if args.fit.compares() {
+        known.called(&known.name)
+    } else {
+        known.clone()
+    };
     let given = Given {
-        model: if args.fit.compares() {
-            known.called(&known.name)
-        } else {
-            known.clone()
-        },
         discrepancy: args.fit.discrepancy.unwrap_or(true),
         constraint,
         free_scale: args.fit.free_scale()?,
         range_mm: args.fit.range,
-        eta: args.eta,
-        u_eta: 0.0,
         entry_loss: args.entry_loss,
         cos_beam: args.beam_angle.to_radians().cos(),
-        exit: Exit::Lambert,
-        u_length_relative: 0.0,
         beam: match args.beam_fwhm {
             None | Some(0.0) => Beam::Point,
             Some(fwhm_mm) => Beam::Gaussian { fwhm_mm },
         },
-        u_fwhm_mm: 0.0,
         pixel_mm: args.mm_per_pixel,
-        variants: vec![],
-        directions: vec![],
+        ..Given::of(model, args.eta)
     };
     // The beam of each profile, or the radii that do without one.
     let told: Vec<(Beam, Option<(f64, f64)>)> = profiles

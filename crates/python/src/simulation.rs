@@ -1,0 +1,126 @@
+//! `simulate`.
+
+use crate::fitting::objects;
+use crate::{Signals, raised, refused};
+use formats::medium_toml::{self, MediumFile};
+use montecarlo::{Side, Tally};
+use numpy::PyArray1;
+use physics::ProfilePoint;
+use pipeline::simulation::{self, Totals};
+use pipeline::{files, medium};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// Photons followed through layers: shares of the incident power.
+#[pyclass(frozen, module = "beamspot")]
+pub(crate) struct Simulation {
+    totals: Totals,
+    tally: Tally,
+}
+
+impl Simulation {
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        side: Side,
+        of: fn(&ProfilePoint) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.tally.profile(side).iter().map(of))
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    /// Photons followed: whole blocks of them, at least as many as were asked for.
+    #[getter]
+    fn photons(&self) -> u64 {
+        self.tally.photons()
+    }
+
+    /// Every total with its standard error, as `totals.json` has it: {"value", "u"} under
+    /// "specular", "diffuse_reflectance", "transmittance", "absorbed" and others.
+    #[getter]
+    fn totals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        objects(py, &serde_json::to_string(&self.totals).map_err(refused)?)
+    }
+
+    /// Mean radius of each ring, mm: (n,).
+    #[getter]
+    fn radius_mm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, Side::Above, |p| p.radius_mm)
+    }
+
+    /// Light that leaves on the lit side in each ring, mm^-2, the specular part left out: (n,).
+    #[getter]
+    fn reflectance_per_mm2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, Side::Above, |p| p.reflectance_per_mm2)
+    }
+
+    /// Its standard error, mm^-2: (n,).
+    #[getter]
+    fn u_reflectance_per_mm2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, Side::Above, |p| p.u_reflectance_per_mm2)
+    }
+
+    /// Light that leaves on the far side in each ring, mm^-2: (n,).
+    #[getter]
+    fn transmittance_per_mm2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, Side::Below, |p| p.reflectance_per_mm2)
+    }
+
+    /// Its standard error, mm^-2: (n,).
+    #[getter]
+    fn u_transmittance_per_mm2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, Side::Below, |p| p.u_reflectance_per_mm2)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Simulation({} photons)", self.tally.photons())
+    }
+}
+
+/// The medium of a file, of a shipped name, or of a dict laid out like the file.
+fn read_medium(py: Python<'_>, medium: &Bound<'_, PyAny>) -> PyResult<MediumFile> {
+    if let Ok(dict) = medium.cast::<PyDict>() {
+        let text: String = py
+            .import("json")?
+            .call_method1("dumps", (dict,))?
+            .extract()?;
+        return serde_json::from_str(&text).map_err(|e| refused(format!("medium: {e}")));
+    }
+    let path: PathBuf = medium.extract()?;
+    let shipped = path.to_str().filter(|_| !path.exists());
+    let text = match shipped.and_then(medium::shipped) {
+        Some(text) => text.to_owned(),
+        None => files::read_text(&path).map_err(|e| raised(&e))?,
+    };
+    medium_toml::parse(&text).map_err(|e| refused(format!("{}: {e}", path.display())))
+}
+
+/// Follows photons through layers.
+///
+/// `medium`: path of a MEDIUM.toml, "skin" or "leaf", or a dict laid out like the file, for example
+/// {"layer": [{"sigma_a_per_mm": 0.0041, "sigma_s_per_mm": 2.62, "eta": 1.5}]}. `photons`: how many
+/// at least. `seed`: the same gives the same numbers on any number of threads. `simd`: the
+/// instruction path; the fastest where left out. Raises ValueError for a medium that is none;
+/// Ctrl-C stops it.
+#[pyfunction]
+#[pyo3(signature = (medium, photons = 1e6, seed = 1, *, simd = None))]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    medium: &Bound<'_, PyAny>,
+    photons: f64,
+    seed: u64,
+    simd: Option<&str>,
+) -> PyResult<Simulation> {
+    if !(1.0..=1e18).contains(&photons) {
+        return Err(refused(format!(
+            "photons: expected a number of at least 1, got {photons}"
+        )));
+    }
+    let file = read_medium(py, medium)?;
+    let run = py.detach(|| simulation::run(&file, photons as u64, seed, simd, &Signals));
+    let (totals, tally) = run.map_err(|e| raised(&e))?;
+    Ok(Simulation { totals, tally })
+}

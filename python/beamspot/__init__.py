@@ -1,0 +1,61 @@
+"""Absorption and scattering of translucent materials from photographs of a beam spot.
+
+The same functions that the command `beamspot` calls, on NumPy arrays: `measure` a capture, or go
+step by step with `merge`, `radial_profile` and `fit`; `fit_many` for spectral cubes; `simulate`
+photons; `dipole` and its siblings; `materials` for the table that ships. Lengths are mm,
+coefficients mm^-1, R_d(r) mm^-2; "u" is a standard uncertainty.
+"""
+
+from ._beamspot import (
+    Estimate,
+    Fit,
+    FitMany,
+    Material,
+    Measurement,
+    Profile,
+    Radiance,
+    Simulation,
+    __version__,
+    better_dipole,
+    dipole,
+    directional,
+    fit,
+    fit_many,
+    kienle_patterson,
+    materials,
+    measure,
+    merge,
+    monte_carlo,
+    multipole,
+    photon_beam_diffusion,
+    radial_profile,
+    simulate,
+    total_reflectance,
+)
+
+__all__ = [
+    "Estimate",
+    "Fit",
+    "FitMany",
+    "Material",
+    "Measurement",
+    "Profile",
+    "Radiance",
+    "Simulation",
+    "__version__",
+    "better_dipole",
+    "dipole",
+    "directional",
+    "fit",
+    "fit_many",
+    "kienle_patterson",
+    "materials",
+    "measure",
+    "merge",
+    "monte_carlo",
+    "multipole",
+    "photon_beam_diffusion",
+    "radial_profile",
+    "simulate",
+    "total_reflectance",
+]

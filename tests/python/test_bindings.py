@@ -1,0 +1,293 @@
+"""The Python module: the same numbers as the command line, NumPy in and out, errors with its sentences.
+
+`cargo xtask python` builds and installs the module before these run.
+"""
+
+import ast
+import inspect
+import json
+import os
+import subprocess
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamspot
+
+MARBLE = {"sigma_s_prime": 2.62, "sigma_a": 0.0041, "eta": 1.5}
+RADII = np.geomspace(0.5, 20.0, 200)
+# What enters of a beam along the normal at eta = 1.5.
+ENTRY = 0.96
+
+
+def command(*arguments):
+    done = subprocess.run(
+        [os.environ["BEAMSPOT_BIN"], *map(str, arguments)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def dipole_by_hand(r, sigma_s_prime, sigma_a, a):
+    """Jensen et al. (2001), eq. 4 as it was meant, with A = `a`."""
+    t = sigma_a + sigma_s_prime
+    tr = np.sqrt(3 * sigma_a * t)
+    real, mirror = 1 / t, (1 + 4 / 3 * a) / t
+
+    def source(z):
+        d = np.hypot(r, z)
+        return z * (1 + tr * d) * np.exp(-tr * d) / d**3
+
+    return sigma_s_prime / t / (4 * np.pi) * (source(real) + source(mirror))
+
+
+def test_the_dipole_is_equation_4():
+    # A of eta = 1.5 from the exact integral, to six digits.
+    found = beamspot.dipole(RADII, **MARBLE)
+    assert found.dtype == np.float64 and found.shape == RADII.shape
+    by_hand = dipole_by_hand(RADII, 2.62, 0.0041, 3.925155)
+    assert np.allclose(found, by_hand, rtol=1e-4)
+
+
+@pytest.mark.parametrize("array", [RADII.tolist(), RADII.astype(np.float32), RADII[::-1][::-1]])
+def test_any_array_of_numbers_will_do(array):
+    assert np.allclose(beamspot.dipole(array, **MARBLE), beamspot.dipole(RADII, **MARBLE), rtol=1e-5)
+
+
+def test_every_model_integrates_to_its_total():
+    extra = {
+        "dipole": {},
+        "better-dipole": {},
+        "kienle-patterson": {},
+        "photon-beam-diffusion": {"g": 0.0},
+        "monte-carlo": {"g": 0.0},
+    }
+    r = np.concatenate([[0.0], np.geomspace(1e-4, 300.0, 4000)])
+    for name, more in extra.items():
+        function = getattr(beamspot, name.replace("-", "_"))
+        values = function(r[1:], **MARBLE, **more)
+        integral = np.trapezoid(np.concatenate([[0.0], 2 * np.pi * r[1:] * values]), r)
+        total = beamspot.total_reflectance(**MARBLE, model=name, **more)
+        # Photon beam diffusion does not keep all of its energy; its own total is that of its curve.
+        assert abs(integral / total - 1) < 0.01, (name, integral, total)
+    slab = beamspot.total_reflectance(**MARBLE, model="multipole", thickness_mm=1.0)
+    assert slab < beamspot.total_reflectance(**MARBLE)
+
+
+def profile(seed, noise=1e-3):
+    values = ENTRY * beamspot.dipole(RADII, **MARBLE)
+    u = noise * values
+    return values + u * np.random.default_rng(seed).standard_normal(len(RADII)), u
+
+
+def test_fit_finds_what_made_the_profile():
+    values, u = profile(1)
+    total = ENTRY * beamspot.total_reflectance(**MARBLE)
+    found = beamspot.fit(
+        RADII, values, u, eta=1.5, total=total, u_total=1e-4, u_scale=1e-3, discrepancy=False
+    )
+    for estimate, truth in [(found.sigma_a_per_mm, 0.0041), (found.sigma_s_prime_per_mm, 2.62)]:
+        assert abs(estimate.value - truth) < 4 * estimate.u
+        assert estimate.ci95[0] < estimate.value < estimate.ci95[1]
+        assert float(estimate) == estimate.value
+    assert found.termination == "converged"
+    document = found.to_dict()
+    assert document["channels"][0]["sigma_a_per_mm"]["value"] == found.sigma_a_per_mm.value
+    assert document["channels"][0]["budget"]
+    assert len(found.radius_mm) == len(found.model_per_mm2)
+
+
+def test_the_command_line_finds_the_same(tmp_path):
+    values, u = profile(2)
+    path = tmp_path / "profile.csv"
+    header = "channel,radius_min_mm,radius_max_mm,radius_mm,reflectance_per_mm2,u_reflectance_per_mm2,pixels"
+    rows = [f"Y,,,{r!r},{v!r},{e!r}," for r, v, e in zip(RADII.tolist(), values.tolist(), u.tolist())]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    options = ["--eta", 1.5, "--total", "Y=0.7592+-0.0001", "--u-scale", 0.001, "--beam-fwhm", 0]
+    channel = json.loads(command("fit", path, *options, "--json"))["channels"][0]
+    found = beamspot.fit(RADII, values, u, eta=1.5, total=0.7592, u_total=1e-4, u_scale=1e-3)
+    for name in ("sigma_a_per_mm", "sigma_s_prime_per_mm"):
+        assert getattr(found, name).value == channel[name]["value"]
+        assert getattr(found, name).u == channel[name]["u"]
+
+
+def test_fit_many_is_fit_of_each_on_any_number_of_threads():
+    rows = np.array([profile(seed)[0] for seed in range(20)])
+    u = profile(0)[1]
+    totals = np.full(20, ENTRY * beamspot.total_reflectance(**MARBLE))
+    options = {"eta": 1.5, "u_scale": 1e-3}
+    many = beamspot.fit_many(RADII, rows, u, total=totals, u_total=np.full(20, 1e-4), **options)
+    other = beamspot.fit_many(
+        RADII,
+        np.asfortranarray(rows),
+        np.tile(u, (20, 1)),
+        total=totals,
+        u_total=np.full(20, 1e-4),
+        threads=1,
+        **options,
+    )
+    assert len(many) == 20 and many.errors == {} and set(many.termination) == {"converged"}
+    for k, row in enumerate(rows):
+        one = beamspot.fit(
+            RADII, row, u, total=totals[k], u_total=1e-4, discrepancy=False, **options
+        )
+        assert many.sigma_a_per_mm[k] == other.sigma_a_per_mm[k] == one.sigma_a_per_mm.value
+        assert many.u_sigma_s_prime_per_mm[k] == one.sigma_s_prime_per_mm.u
+
+
+def test_a_profile_that_cannot_be_fitted_stops_no_other():
+    rows = np.array([profile(seed)[0] for seed in range(3)])
+    rows[1, 7] = np.nan
+    many = beamspot.fit_many(RADII, rows, profile(0)[1], eta=1.5, constraint="none")
+    assert list(many.errors) == [1] and np.isnan(many.sigma_a_per_mm[1])
+    assert np.isfinite(many.sigma_a_per_mm[[0, 2]]).all()
+
+
+def test_what_is_assumed_is_warned_of():
+    values, _ = profile(3)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        beamspot.fit(RADII, values, eta=1.5)
+    said = [str(w.message) for w in caught]
+    assert len(said) == 2 and "1 %" in said[0] and "no total" in said[1]
+
+
+def refused(*parts):
+    return pytest.raises(ValueError, match=".*".join(parts))
+
+
+def test_bad_input_is_named():
+    values, u = profile(4)
+    with refused("reflectance_per_mm2", "200", "199"):
+        beamspot.fit(RADII, values[:-1], u, eta=1.5)
+    with refused("no model is called `dipol`", "dipole"):
+        beamspot.fit(RADII, values, u, eta=1.5, model="dipol", constraint="none")
+    with refused("monte-carlo needs g"):
+        beamspot.fit(RADII, values, u, eta=1.5, model="monte-carlo", constraint="none")
+    with refused('"exact" needs a total'):
+        beamspot.fit(RADII, values, u, eta=1.5, constraint="exact")
+    with refused("no constraint is called"):
+        beamspot.fit(RADII, values, u, eta=1.5, constraint="hard")
+    with refused("no material is called `granite`", "Marble"):
+        beamspot.materials("granite")
+    with refused("at least 0"):
+        beamspot.dipole([-1.0], **MARBLE)
+    with refused("eta"):
+        beamspot.dipole([1.0], sigma_s_prime=1.0, sigma_a=0.1, eta=0.5)
+    with refused("capture.toml"):
+        beamspot.measure("nowhere/capture.toml")
+    with refused("medium", "sigma"):
+        beamspot.simulate({"layer": [{"sigma_s": 1.0, "eta": 1.5}]})
+    with pytest.raises(TypeError):
+        beamspot.dipole(["one"], **MARBLE)
+    with refused("u:", "shape"):
+        beamspot.fit_many(RADII, values[None], np.ones((2, 200)), eta=1.5, constraint="none")
+
+
+def test_materials_are_jensens():
+    rows = beamspot.materials("marble")
+    assert [row.channel for row in rows] == ["R", "G", "B"]
+    assert (rows[1].sigma_s_prime_per_mm, rows[1].sigma_a_per_mm, rows[1].eta) == (2.62, 0.0041, 1.5)
+    assert len(beamspot.materials()) == 36
+
+
+def test_merge_and_profile_show_the_glow():
+    rng = np.random.default_rng(5)
+    y, x = np.mgrid[0:301, 0:301]
+    glow = 2e5 * np.exp(-np.hypot(x - 150.25, y - 149.5) / 12.0) + 20.0
+    exposures = [0.4, 0.01, 0.1]
+    frames = [
+        np.clip(rng.poisson(2 * glow * t) / 2 + 100 + rng.normal(0, 2, glow.shape), 0, 60000)
+        .round()
+        .astype(np.uint16)
+        for t in exposures
+    ]
+    dark = [
+        (100 + rng.normal(0, 2, glow.shape)).round().astype(np.uint16) for _ in exposures
+    ]
+    sensor = {
+        "gain_e_per_dn": 2.0,
+        "read_noise_e": 4.0,
+        "black_level_dn": 100.0,
+        "white_level_dn": 60000.0,
+        "prnu_relative": 0.0,
+    }
+    merged = beamspot.merge(frames, exposures, dark, **sensor)
+    assert merged.value.shape == glow.shape and merged.value.dtype == np.float32
+    pull = (merged.value - glow) / np.sqrt(merged.variance)
+    assert abs(pull.mean()) < 0.05 and abs(pull.var() - 1) < 0.05
+    found = beamspot.radial_profile(merged.value, variance=merged.variance, mm_per_pixel=0.05)
+    assert np.allclose(found.center_px, [150.25, 149.5], atol=0.05)
+    truth = 2e5 * np.exp(-found.radius_mm / 0.05 / 12.0) + 20.0
+    outside = found.radius_mm > 1.0
+    off = found.reflectance_per_mm2[outside] / truth[outside] - 1
+    assert np.median(np.abs(off)) < 0.01
+    with refused("exposure_s", "3", "got 2"):
+        beamspot.merge(frames, exposures[:2], **sensor)
+    with refused(r"frames\[0\]", "int64"):
+        beamspot.merge([frames[0].astype(np.int64)], [1.0], **sensor)
+
+
+def test_simulate_agrees_with_the_transport_model():
+    medium = {"layer": [{"sigma_a_per_mm": 0.0041, "sigma_s_per_mm": 2.62, "eta": 1.5}]}
+    medium["tally"] = {"r_max_mm": 10.0, "r_bins": 20}
+    run = beamspot.simulate(medium, 2e5, seed=3)
+    again = beamspot.simulate(medium, 2e5, seed=3)
+    assert np.array_equal(run.reflectance_per_mm2, again.reflectance_per_mm2)
+    total = run.totals["diffuse_reflectance"]
+    exact = ENTRY * beamspot.total_reflectance(**MARBLE, model="monte-carlo", g=0.0)
+    assert abs(total["value"] - exact) < 4 * total["u"] + 1e-3
+    assert len(run.radius_mm) == 20 and run.photons >= 2e5
+
+
+CAMERA = """
+width = 300
+height = 300
+mm_per_pixel = 0.1
+"""
+
+
+def test_measure_is_the_command(tmp_path):
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    capture = tmp_path / "capture"
+    command("synth", "--material", "marble", "--camera", tmp_path / "camera.toml", "-o", capture)
+    command("measure", capture / "capture.toml", "-o", tmp_path / "by-command", "--no-confirm")
+    measured = beamspot.measure(capture / "capture.toml", confirm=False)
+    measured.write(tmp_path / "by-python")
+    for file in ("fit.json", "profile.csv", "materials.csv", "report.html", "radiance.exr"):
+        a, b = [(tmp_path / folder / file).read_bytes() for folder in ("by-command", "by-python")]
+        assert a == b, file
+    assert measured.material.lower() == "marble" and len(measured.fits) == len(measured.profiles) == 3
+    assert measured.fits[1].sigma_a_per_mm.value == measured.materials[1].sigma_a_per_mm
+    with refused("exists"):
+        measured.write(tmp_path / "by-python")
+
+
+def test_the_stubs_say_what_the_module_has():
+    stubs = ast.parse((Path(beamspot.__file__).parent / "__init__.pyi").read_text())
+    functions = {n.name: n for n in stubs.body if isinstance(n, ast.FunctionDef)}
+    classes = {n.name: n for n in stubs.body if isinstance(n, ast.ClassDef)}
+    assert {*functions, *classes, "__version__"} == set(beamspot.__all__)
+    for name, stub in functions.items():
+        real = inspect.signature(getattr(beamspot, name))
+        arguments = stub.args
+        positional = [a.arg for a in arguments.args]
+        keywords = [a.arg for a in arguments.kwonlyargs]
+        kinds = {p.name: p.kind for p in real.parameters.values()}
+        assert list(kinds) == positional + keywords, name
+        assert all(kinds[k] == inspect.Parameter.KEYWORD_ONLY for k in keywords), name
+        defaults = dict(zip(reversed(positional), reversed(arguments.defaults)))
+        defaults |= {k: d for k, d in zip(keywords, arguments.kw_defaults) if d is not None}
+        for parameter in real.parameters.values():
+            if parameter.default is inspect.Parameter.empty:
+                assert parameter.name not in defaults, (name, parameter.name)
+            else:
+                assert ast.literal_eval(defaults[parameter.name]) == parameter.default, parameter
+        assert getattr(beamspot, name).__doc__, name
+    for name, stub in classes.items():
+        members = {n.target.id for n in stub.body if isinstance(n, ast.AnnAssign)}
+        members |= {n.name for n in stub.body if isinstance(n, ast.FunctionDef)}
+        real = {m for m in vars(getattr(beamspot, name)) if not m.startswith("_")}
+        assert {m for m in members if not m.startswith("_")} == real, name
