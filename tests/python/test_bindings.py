@@ -165,7 +165,8 @@ def test_bad_input_is_named():
     with refused("no model is called `dipol`", "dipole"):
         beamspot.fit(RADII, values, u, eta=1.5, model="dipol", constraint="none")
     with refused("monte-carlo needs g"):
-        beamspot.fit(RADII, values, u, eta=1.5, model="monte-carlo", constraint="none")
+        many = values[None]
+        beamspot.fit_many(RADII, many, u, eta=1.5, model="monte-carlo", constraint="none")
     with refused('"exact" needs a total'):
         beamspot.fit(RADII, values, u, eta=1.5, constraint="exact")
     with refused("no constraint is called"):
@@ -291,3 +292,12 @@ def test_the_stubs_say_what_the_module_has():
         members |= {n.name for n in stub.body if isinstance(n, ast.FunctionDef)}
         real = {m for m in vars(getattr(beamspot, name)) if not m.startswith("_")}
         assert {m for m in members if not m.startswith("_")} == real, name
+
+
+def test_the_readmes_example_runs():
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    (example,) = [part.split("```")[0] for part in readme.split("```python\n")[1:]]
+    names = {}
+    exec(compile(example, "README.md", "exec"), names)
+    assert abs(names["found"].sigma_a_per_mm.value / 0.0041 - 1) < 0.2
+    assert len(names["many"]) == 1000 and len(names["marble"]) == 3

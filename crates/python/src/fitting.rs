@@ -301,6 +301,7 @@ pub(crate) fn fit<'py>(
         u_total_reflectance: u_total.unwrap_or(0.0),
         radius_max_mm: None,
         u_scale_relative: u_scale.unwrap_or(0.0),
+        u_offset_per_mm2: 0.0,
     });
     let scale = [ScaleInput {
         source: "scale",
