@@ -356,7 +356,8 @@ fn orders(blocks: u64, monitor: &dyn Monitor) -> Result<Chart> {
         Simulation::new(half_space(NEARLY_WHITE), Incidence::PENCIL, &spec, 1).fault("figure 8")?;
     let tally = follow(&simulation, blocks, monitor)?;
     let by_order = tally.by_order(Side::Above).bins;
-    let albedos = grid(0.0, 1.0, 50);
+    // Denser toward 1, where all orders together rise steeply.
+    let albedos = grid(0.0, 1.0, 50).map(|x| 1.0 - (1.0 - x) * (1.0 - x));
     let mut lines = vec![];
     for highest in 1..=10_usize {
         let points = albedos
@@ -539,7 +540,8 @@ fn energy_by_albedo() -> Result<Chart> {
     let mut panels = vec![];
     // Indices of the paper's materials.
     for eta in [1.3, 1.5] {
-        let audits = grid(0.01, 0.999, 40)
+        let audits = grid(0.03, 1.0, 40)
+            .map(|x| 1.0 - (1.0 - x).powi(2) - 1e-6)
             .map(|albedo| Ok((albedo, energy(albedo, eta)?)))
             .collect::<Result<Vec<_>>>()?;
         let of = |name, stroke, f: &dyn Fn(&Energy) -> f64| {
