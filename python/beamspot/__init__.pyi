@@ -20,6 +20,7 @@ class Fit:
     channel: str
     sigma_a_per_mm: Estimate
     sigma_s_prime_per_mm: Estimate
+    g: tuple[float | None, float | None]
     correlation: float
     scale: float
     range_mm: tuple[float, float]

@@ -99,6 +99,17 @@ def test_fit_finds_what_made_the_profile():
     assert len(found.radius_mm) == len(found.model_per_mm2)
 
 
+def test_a_g_that_nobody_knows_is_fitted_along():
+    medium = {"sigma_s_prime": 1.2, "sigma_a": 0.03, "eta": 1.4}
+    values = beamspot.monte_carlo(RADII, **medium, g=0.8)
+    found = beamspot.fit(
+        RADII, values, 3e-3 * values, eta=1.4, model="monte-carlo", constraint="none", entry_loss=False
+    )
+    g, u = found.g
+    assert abs(g - 0.8) < 3 * u and 0 < u < 0.5
+    assert abs(found.sigma_a_per_mm.value - 0.03) < 3 * found.sigma_a_per_mm.u
+
+
 def test_the_command_line_finds_the_same(tmp_path):
     values, u = profile(2)
     path = tmp_path / "profile.csv"

@@ -7,6 +7,7 @@ use numpy::{AllowTypeChange, PyArray1, PyArrayLike2};
 use physics::{ProfilePoint, RadialProfile, TotalReflectance};
 use pipeline::fit_json::{FitDocument, termination_name};
 use pipeline::fitting::{self, Given, ScaleInput};
+use pipeline::unknown_g;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -57,6 +58,8 @@ pub(crate) struct Fit {
     eta: f64,
     model: String,
     constraint: Constraint,
+    g: Option<f64>,
+    u_g: Option<f64>,
 }
 
 impl Fit {
@@ -66,6 +69,8 @@ impl Fit {
             eta: given.eta,
             model: given.model.name.clone(),
             constraint: given.constraint,
+            g: given.model.g,
+            u_g: given.fitted_g().map(|(_, u)| u),
         }
     }
 }
@@ -94,6 +99,12 @@ impl Fit {
     #[getter]
     fn channel(&self) -> &str {
         &self.inner.channel
+    }
+
+    /// Mean cosine that the model took, and its standard uncertainty where it was fitted along.
+    #[getter]
+    fn g(&self) -> (Option<f64>, Option<f64>) {
+        (self.g, self.u_g)
     }
 
     /// Correlation of the errors of both coefficients.
@@ -246,7 +257,7 @@ fn settle(py: Python<'_>, constraint: &str, has_total: bool) -> PyResult<Constra
 /// uncertainty. `u_scale`: relative standard uncertainty of the scale that profile and total
 /// share. `model`: "dipole", "jensen2001", "better-dipole", "kienle-patterson",
 /// "photon-beam-diffusion" (with `g`), "multipole" (with `thickness_mm`), "directional" or
-/// "monte-carlo" (with `g`). `constraint`: "joint", "exact" or "none". `range_mm`: first and last
+/// "monte-carlo" (with `g`, which is fitted along where it is left out: `g` of the result). `constraint`: "joint", "exact" or "none". `range_mm`: first and last
 /// radius of the fit. `entry_loss`: whether only 1 - R_specular of the beam enters.
 /// `discrepancy`: whether a closed form's known error against transport takes part.
 ///
@@ -314,8 +325,12 @@ pub(crate) fn fit<'py>(
         entry_loss,
         ..Given::of(choice(model, g, thickness_mm, 0.0), eta)
     };
-    let found = py.detach(|| fitting::fit_channel(&profile, total.as_ref(), &scale, &given));
-    Ok(Fit::new(found.map_err(|e| raised(&e))?, &given))
+    let found = py.detach(|| {
+        let given = unknown_g::settled(&profile, total.as_ref(), &scale, &given)?;
+        let found = fitting::fit_channel(&profile, total.as_ref(), &scale, &given)?;
+        Ok(Fit::new(found, &given))
+    });
+    found.map_err(|e| raised(&e))
 }
 
 /// What `fit_many` found: one array a quantity, one number a profile; NaN where a profile could
