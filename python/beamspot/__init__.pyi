@@ -186,7 +186,7 @@ def radial_profile(
     *,
     variance: ArrayLike,
     mm_per_pixel: float,
-    factor_per_mm2: float = 1.0,
+    factor_per_mm2: float | None = None,
     center_px: tuple[float, float] | None = None,
     relative_width: float = 0.025,
     min_width_px: float = 1.5,

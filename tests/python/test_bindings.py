@@ -44,10 +44,16 @@ def dipole_by_hand(r, sigma_s_prime, sigma_a, a):
 
 
 def test_the_dipole_is_equation_4():
-    # A of eta = 1.5 from the exact integral, to six digits.
+    # A = (1 + F_dr)/(1 - F_dr), F_dr the average of Fresnel's reflectance from inside.
+    mu = (np.arange(200_000) + 0.5) / 200_000
+    sine = np.minimum(1.5 * np.sqrt(1 - mu**2), 1)
+    out = np.sqrt(1 - sine**2)
+    across = (1.5 * mu - out) / (1.5 * mu + out)
+    along = (mu - 1.5 * out) / (mu + 1.5 * out)
+    f_dr = np.mean(2 * mu * np.where(sine < 1, (across**2 + along**2) / 2, 1))
     found = beamspot.dipole(RADII, **MARBLE)
     assert found.dtype == np.float64 and found.shape == RADII.shape
-    by_hand = dipole_by_hand(RADII, 2.62, 0.0041, 3.925155)
+    by_hand = dipole_by_hand(RADII, 2.62, 0.0041, (1 + f_dr) / (1 - f_dr))
     assert np.allclose(found, by_hand, rtol=1e-4)
 
 
@@ -186,8 +192,8 @@ def test_bad_input_is_named():
         beamspot.materials("granite")
     with refused("at least 0"):
         beamspot.dipole([-1.0], **MARBLE)
-    with refused("eta"):
-        beamspot.dipole([1.0], sigma_s_prime=1.0, sigma_a=0.1, eta=0.5)
+    with refused("refractive index"):
+        beamspot.dipole([1.0], sigma_s_prime=1.0, sigma_a=0.1, eta=15)
     with refused("capture.toml"):
         beamspot.measure("nowhere/capture.toml")
     with refused("medium", "sigma"):

@@ -51,7 +51,7 @@ pub use center::find_center;
 pub use error::ProfileError;
 pub use glow::{GlowCenter, glow_center};
 pub use moments::{Background, BeamMoments, beam_moments};
-pub use radial::{Measured, ProfileOptions, radial_profile};
+pub use radial::{Measured, ProfileOptions, radial_profile, unscaled_profile};
 pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
 pub use stray::{Stray, stray_light};

@@ -97,6 +97,21 @@ pub fn radial_profile(
 ) -> Result<Measured, ProfileError> {
     Survey::new(channel, width, height, options)?.checked(channel, options)
 }
+
+/// The same of a picture in any unit, whose total is then no share of anything.
+///
+/// # Errors
+///
+/// As [`radial_profile`], but for the total.
+pub fn unscaled_profile(
+    channel: &ChannelMap,
+    width: usize,
+    height: usize,
+    options: &ProfileOptions,
+) -> Result<Measured, ProfileError> {
+    Ok(Survey::new(channel, width, height, options)?.measured(channel, options))
+}
+
 /// Whether every option is in its range.
 pub(crate) fn check_options(options: &ProfileOptions) -> Result<(), ProfileError> {
     let positive = |x: f64| x > 0.0 && x.is_finite();

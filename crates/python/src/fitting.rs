@@ -3,6 +3,7 @@
 use crate::models::{Numbers, choice, numbers};
 use crate::{raised, refused};
 use ::fit::{Constraint, ManyFits, Profiles, Totals};
+use numpy::ndarray::ArrayView2;
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike2};
 use physics::{ProfilePoint, RadialProfile, TotalReflectance};
 use pipeline::fit_json::{FitDocument, termination_name};
@@ -11,6 +12,7 @@ use pipeline::unknown_g;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::CString;
 
@@ -215,6 +217,14 @@ fn assumed_u(values: &[f64]) -> Vec<f64> {
     let largest = values.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
     let of = |v: &f64| U_RELATIVE * v.abs().max(1e-6 * largest);
     values.iter().map(of).collect()
+}
+
+/// Row by row, where it lies if it lies so.
+fn rows<'a>(table: &'a ArrayView2<'_, f64>) -> Cow<'a, [f64]> {
+    match table.as_slice() {
+        Some(rows) => Cow::Borrowed(rows),
+        None => Cow::Owned(table.iter().copied().collect()),
+    }
 }
 
 fn points(radius_mm: &[f64], values: &[f64], u: &[f64]) -> Vec<ProfilePoint> {
@@ -443,25 +453,17 @@ pub(crate) fn fit_many<'py>(
         radius_mm.len(),
     )?;
     // An array that lies in memory as it should is looked at where it lies.
-    let copied: Vec<f64>;
-    let values = match reflectance_per_mm2.as_slice() {
-        Ok(values) => values,
-        Err(_) => {
-            copied = reflectance_per_mm2.as_array().iter().copied().collect();
-            &copied
-        }
-    };
-    let (two, one, assumed): (
-        PyArrayLike2<'py, f64, AllowTypeChange>,
-        Numbers<'py>,
-        Vec<f64>,
-    );
-    let u_copied: Vec<f64>;
+    let table = reflectance_per_mm2.as_array();
+    let values = rows(&table);
+    let values = &*values;
+    let (two, one): (PyArrayLike2<'py, f64, AllowTypeChange>, Numbers<'py>);
+    let table_of_u: ArrayView2<'_, f64>;
+    let (u_rows, made): (Cow<'_, [f64]>, Vec<f64>);
     let u: &[f64] = match u {
         None => {
             warn(py, "u was not given: 1 % of each value was assumed")?;
-            assumed = assumed_u(values);
-            &assumed
+            made = assumed_u(values);
+            &made
         }
         Some(u) if u.getattr("ndim").is_ok_and(|n| n.eq(2).unwrap_or(false)) => {
             two = u.extract()?;
@@ -471,19 +473,15 @@ pub(crate) fn fit_many<'py>(
                     "u: expected the shape of reflectance_per_mm2 {expected:?}, got {found:?}"
                 )));
             }
-            match two.as_slice() {
-                Ok(u) => u,
-                Err(_) => {
-                    u_copied = two.as_array().iter().copied().collect();
-                    &u_copied
-                }
-            }
+            table_of_u = two.as_array();
+            u_rows = rows(&table_of_u);
+            &u_rows
         }
         Some(u) => {
             one = u.extract()?;
-            u_copied = numbers(&one);
-            same_length("u", u_copied.len(), "radius_mm", radius_mm.len())?;
-            &u_copied
+            made = numbers(&one);
+            same_length("u", made.len(), "radius_mm", radius_mm.len())?;
+            &made
         }
     };
     let n = reflectance_per_mm2.as_array().nrows();

@@ -312,11 +312,12 @@ impl Profile {
 ///
 /// `image` (height, width): one channel. `variance` (height, width): of each pixel, infinite where
 /// it was not measured. `mm_per_pixel`: what one pixel sees. `factor_per_mm2`: exitance per
-/// incident power, mm^-2, for one unit of the picture. `center_px`: x, y of the centre; found where
+/// incident power, mm^-2, for one unit of the picture; the profile is in the picture's own unit where
+/// it is left out. `center_px`: x, y of the centre; found where
 /// left out. `relative_width`, `min_width_px`: of the rings. `clip`: standard uncertainties from
 /// the ring's curve beyond which a pixel is an outlier. Raises ValueError where there is no spot.
 #[pyfunction]
-#[pyo3(signature = (image, *, variance, mm_per_pixel, factor_per_mm2 = 1.0, center_px = None,
+#[pyo3(signature = (image, *, variance, mm_per_pixel, factor_per_mm2 = None, center_px = None,
     relative_width = 0.025, min_width_px = 1.5, clip = 5.0))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn radial_profile<'py>(
@@ -324,7 +325,7 @@ pub(crate) fn radial_profile<'py>(
     image: PyArrayLike2<'py, f32, AllowTypeChange>,
     variance: PyArrayLike2<'py, f32, AllowTypeChange>,
     mm_per_pixel: f64,
-    factor_per_mm2: f64,
+    factor_per_mm2: Option<f64>,
     center_px: Option<[f64; 2]>,
     relative_width: f64,
     min_width_px: f64,
@@ -347,12 +348,15 @@ pub(crate) fn radial_profile<'py>(
     let options = ProfileOptions {
         view: View::square(mm_per_pixel),
         center_px,
-        factor_per_mm2,
+        factor_per_mm2: factor_per_mm2.unwrap_or(1.0),
         u_scale_relative: 0.0,
         relative_width,
         min_width_px,
         clip,
     };
-    let found = py.detach(|| ::profile::radial_profile(&channel, width, height, &options));
+    let found = py.detach(|| match factor_per_mm2 {
+        Some(_) => ::profile::radial_profile(&channel, width, height, &options),
+        None => ::profile::unscaled_profile(&channel, width, height, &options),
+    });
     Ok(Profile::from(found.map_err(refused)?))
 }
