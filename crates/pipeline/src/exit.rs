@@ -15,6 +15,8 @@ use profile::{Exit, Measured};
 const ROUNDS: usize = 8;
 /// Relative change of a coefficient from which on another round would change nothing.
 const SETTLED: f64 = 1e-4;
+/// Relative change of a coefficient in the last round from which on the rounds went astray.
+const ASTRAY: f64 = 0.05;
 /// Least and largest radius of the sum, in 1/σₜ′, and the ratio of one to the next.
 const NEAREST: f64 = 1e-3;
 const FARTHEST: f64 = 1e3;
@@ -61,6 +63,7 @@ pub(crate) fn of_transport(
     };
     let (mut seen, mut sentence) = (measured.clone(), String::new());
     let mut before: Option<[[f64; 2]; 2]> = None;
+    let mut off = f64::INFINITY;
     for _ in 0..ROUNDS {
         let at = Coefficients {
             sigma_a: point[0].exp(),
@@ -76,7 +79,8 @@ pub(crate) fn of_transport(
         let Some(found) = fitted(&seen) else {
             return Ok(None);
         };
-        if (0..2).all(|i| (found[i] - point[i]).abs() < SETTLED) {
+        off = (0..2).fold(0.0, |most: f64, i| most.max((found[i] - point[i]).abs()));
+        if off < SETTLED {
             break;
         }
         // In dark media the answer swings by half of what was put in: the secant takes that out.
@@ -93,6 +97,15 @@ pub(crate) fn of_transport(
         });
         before = Some([point, found]);
         point = next;
+    }
+    if off > ASTRAY {
+        let sentence = format!(
+            "{}: transport's own exit factor and the medium it belongs to did not settle: the \
+             factor of isotropic light stands, which in so dark a medium may be off by tens of \
+             percent",
+            measured.total.channel
+        );
+        return Ok(Some((measured.clone(), sentence)));
     }
     Ok(Some((seen, sentence)))
 }
