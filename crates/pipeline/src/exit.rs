@@ -17,8 +17,8 @@ const ROUNDS: usize = 8;
 const SETTLED: f64 = 1e-4;
 /// Relative change of a coefficient in the last round from which on the rounds went astray.
 const ASTRAY: f64 = 0.05;
-/// Logarithm of the change of a coefficient, from what the diffuse factor makes of it, that no factor
-/// brings about: those differ by a fifth at most where a profile tells anything.
+/// Logarithm of the change of σₛ′, from what the diffuse factor makes of it, that no factor brings about:
+/// those differ by a fifth at most where a profile tells anything. σₐ near 0 may change as it likes.
 const FAR: f64 = 0.7;
 /// Least and largest radius of the sum, in 1/σₜ′, and the ratio of one to the next.
 const NEAREST: f64 = 1e-3;
@@ -64,7 +64,7 @@ pub(crate) fn of_transport(
     let Some(mut point) = fitted(measured) else {
         return Ok(None);
     };
-    let first = point;
+    let first = point[1];
     let (mut seen, mut sentence) = (measured.clone(), String::new());
     let mut before: Option<[[f64; 2]; 2]> = None;
     let mut off = f64::INFINITY;
@@ -103,7 +103,7 @@ pub(crate) fn of_transport(
         point = next;
     }
     // Rounds that end at a bound have settled, too, but nowhere.
-    let moved = (0..2).fold(0.0, |most: f64, i| most.max((point[i] - first[i]).abs()));
+    let moved = (point[1] - first).abs();
     if off > ASTRAY || moved > FAR {
         let sentence = format!(
             "{}: transport's own exit factor and the medium it belongs to did not settle: the \
