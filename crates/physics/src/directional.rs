@@ -272,13 +272,6 @@ impl ForwardModel for DirectionalModel {
         self.eta
     }
 
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let rays = self.at(coefficients);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = rays.reflectance(r).value;
-        }
-    }
-
     fn diffuse_reflectance_gradient(
         &self,
         coefficients: Coefficients,

@@ -74,13 +74,6 @@ impl ForwardModel for KienlePattersonModel {
         self.eta
     }
 
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let dipole = self.at(coefficients);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = dipole.reflectance(r).value;
-        }
-    }
-
     fn diffuse_reflectance_gradient(
         &self,
         coefficients: Coefficients,

@@ -123,7 +123,13 @@ pub trait ForwardModel: Sync {
     fn eta(&self) -> f64;
 
     /// R_d at each `radius` (mm), mm⁻², into `out` of the same length.
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]);
+    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
+        let mut gradients = vec![Gradient::default(); radius.len()];
+        self.diffuse_reflectance_gradient(coefficients, radius, &mut gradients);
+        for (out, gradient) in out.iter_mut().zip(gradients) {
+            *out = gradient.value;
+        }
+    }
 
     /// R_d at each `radius` (mm) with its derivatives, into `out` of the same length.
     fn diffuse_reflectance_gradient(

@@ -319,13 +319,6 @@ impl ForwardModel for MultipoleModel {
         self.eta
     }
 
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let face = self.face(coefficients, false);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = face.exitance(r).value;
-        }
-    }
-
     fn diffuse_reflectance_gradient(
         &self,
         coefficients: Coefficients,

@@ -304,13 +304,6 @@ impl ForwardModel for PhotonBeamDiffusionModel {
         self.eta
     }
 
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let beam = self.at(coefficients);
-        for (out, &r) in out.iter_mut().zip(radius) {
-            *out = beam.reflectance(r).value;
-        }
-    }
-
     fn diffuse_reflectance_gradient(
         &self,
         coefficients: Coefficients,

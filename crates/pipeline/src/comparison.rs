@@ -108,9 +108,7 @@ mod tests {
     use crate::fitting::{ScaleInput, fit_channel};
     use crate::library::SlabChoice;
     use fit::Constraint;
-    use physics::footprint::Beam;
     use physics::{Coefficients, ObliqueBeam, ProfilePoint, TotalReflectance};
-    use profile::Exit;
 
     /// Every model finds its own medium among the fits of all, under each constraint: also the one
     /// whose thickness has a scale, and the oblique one.
@@ -135,22 +133,11 @@ mod tests {
         let radii: Vec<f64> = (0..40).map(|i| 0.3 * 1.1_f64.powi(i)).collect();
         for constraint in [Constraint::Exact, Constraint::Joint, Constraint::None] {
             let given = Given {
-                model: known.called("dipole"),
                 discrepancy: false,
-                free_scale: false,
                 constraint,
                 range_mm: Some((1.0, 15.0)),
-                eta: 1.4,
-                u_eta: 0.0,
                 entry_loss: false,
-                cos_beam: 1.0,
-                exit: Exit::Lambert,
-                u_length_relative: 0.0,
-                beam: Beam::Point,
-                u_fwhm_mm: 0.0,
-                pixel_mm: 0.0,
-                variants: vec![],
-                directions: vec![],
+                ..Given::of(known.called("dipole"), 1.4)
             };
             let of_itself = |given: &Given| {
                 let model = library::model(&given.model, given.eta)?;

@@ -168,7 +168,6 @@ mod tests {
     use super::*;
     use crate::library::ModelChoice;
     use fit::Constraint;
-    use physics::footprint::Beam;
     use physics::{ProfilePoint, RadialProfile, TotalReflectance};
     use transport::TransportModel;
 
@@ -217,27 +216,17 @@ mod tests {
             unseen_share: 0.0,
             relative_scatter: 0.0,
         };
+        let choice = ModelChoice {
+            name: "monte-carlo".to_owned(),
+            g: Some(g),
+            ..ModelChoice::default()
+        };
         let given = Given {
-            model: ModelChoice {
-                name: "monte-carlo".to_owned(),
-                g: Some(g),
-                ..ModelChoice::default()
-            },
-            discrepancy: true,
             constraint: Constraint::Joint,
-            free_scale: false,
             range_mm: Some((1.0, 16.0)),
-            eta,
-            u_eta: 0.0,
             entry_loss: false,
-            cos_beam: 1.0,
             exit,
-            u_length_relative: 0.0,
-            beam: Beam::Point,
-            u_fwhm_mm: 0.0,
-            pixel_mm: 0.0,
-            directions: vec![],
-            variants: vec![],
+            ..Given::of(choice, eta)
         };
         let off = |measured: &Measured| {
             let points = measured.profile.points.iter().zip(&exitance);

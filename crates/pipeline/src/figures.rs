@@ -231,6 +231,26 @@ fn rose(f: impl Fn(f64, f64) -> f64, sign: f64) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// Light on both sides of the surface, as roses of `f(cos_out, side)`.
+fn lobes(reflected: impl Fn(f64, f64) -> f64, transmitted: impl Fn(f64, f64) -> f64) -> Vec<Line> {
+    vec![
+        line("reflected", Stroke::Full, rose(reflected, 1.0)),
+        line("transmitted", Stroke::Full, rose(transmitted, -1.0)),
+    ]
+}
+
+/// A panel of roses.
+fn polar(title: String, lines: Vec<Line>) -> Panel {
+    fitted(Panel {
+        title,
+        x: "along the surface (sr⁻¹)".to_owned(),
+        y: "along the normal".to_owned(),
+        x_range: None,
+        scale: Scale::Equal,
+        lines,
+    })
+}
+
 fn first_orders() -> Chart {
     let mut panels = vec![];
     let cos_in = 45_f64.to_radians().cos();
@@ -242,25 +262,10 @@ fn first_orders() -> Chart {
                 cos_out,
                 cos_azimuth,
             };
-            panels.push(fitted(Panel {
-                title: format!("g = {g}, optical depth {tau}"),
-                x: "along the surface (sr⁻¹)".to_owned(),
-                y: "along the normal".to_owned(),
-                x_range: None,
-                scale: Scale::Equal,
-                lines: vec![
-                    line(
-                        "reflected",
-                        Stroke::Full,
-                        rose(|c, s| model.brdf(&at(c, s)), 1.0),
-                    ),
-                    line(
-                        "transmitted",
-                        Stroke::Full,
-                        rose(|c, s| model.btdf(&at(c, s)), -1.0),
-                    ),
-                ],
-            }));
+            panels.push(polar(
+                format!("g = {g}, optical depth {tau}"),
+                lobes(|c, s| model.brdf(&at(c, s)), |c, s| model.btdf(&at(c, s))),
+            ));
         }
     }
     Chart {
@@ -294,44 +299,18 @@ fn surface_and_subsurface() -> Chart {
             ),
             (
                 "subsurface",
-                vec![
-                    line(
-                        "reflected",
-                        Stroke::Full,
-                        rose(|c, s| model.brdf(&at(c, s)), 1.0),
-                    ),
-                    line(
-                        "transmitted",
-                        Stroke::Full,
-                        rose(|c, s| model.btdf(&at(c, s)), -1.0),
-                    ),
-                ],
+                lobes(|c, s| model.brdf(&at(c, s)), |c, s| model.btdf(&at(c, s))),
             ),
             (
                 "sum",
-                vec![
-                    line(
-                        "reflected",
-                        Stroke::Full,
-                        rose(|c, s| surface(c, s) + model.brdf(&at(c, s)), 1.0),
-                    ),
-                    line(
-                        "transmitted",
-                        Stroke::Full,
-                        rose(|c, s| model.btdf(&at(c, s)), -1.0),
-                    ),
-                ],
+                lobes(
+                    |c, s| surface(c, s) + model.brdf(&at(c, s)),
+                    |c, s| model.btdf(&at(c, s)),
+                ),
             ),
         ];
         for (name, lines) in parts {
-            panels.push(fitted(Panel {
-                title: format!("{name}, in at {degrees}°"),
-                x: "along the surface (sr⁻¹)".to_owned(),
-                y: "along the normal".to_owned(),
-                x_range: None,
-                scale: Scale::Equal,
-                lines,
-            }));
+            panels.push(polar(format!("{name}, in at {degrees}°"), lines));
         }
     }
     Chart {

@@ -129,10 +129,8 @@ mod tests {
     use super::*;
     use crate::fitting::fit_channel;
     use crate::library::ModelChoice;
-    use fit::{Constraint, Fit};
-    use physics::footprint::Beam;
+    use fit::Fit;
     use physics::{Coefficients, ProfilePoint};
-    use profile::Exit;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64;
@@ -166,26 +164,14 @@ mod tests {
             channel: "Y".to_owned(),
             points: points.collect(),
         };
+        let model = ModelChoice {
+            name: "monte-carlo".to_owned(),
+            ..ModelChoice::default()
+        };
         let given = Given {
-            model: ModelChoice {
-                name: "monte-carlo".to_owned(),
-                ..ModelChoice::default()
-            },
-            discrepancy: true,
-            constraint: Constraint::None,
-            free_scale: false,
             range_mm: Some((start_mm, 30.0)),
-            eta: ETA,
-            u_eta: 0.0,
             entry_loss: false,
-            cos_beam: 1.0,
-            exit: Exit::Lambert,
-            u_length_relative: 0.0,
-            beam: Beam::Point,
-            u_fwhm_mm: 0.0,
-            pixel_mm: 0.0,
-            directions: vec![],
-            variants: vec![],
+            ..Given::of(model, ETA)
         };
         let given = settled(&profile, None, &[], &given).unwrap();
         let fit = fit_channel(&profile, None, &[], &given).unwrap();

@@ -75,6 +75,14 @@ impl Fit {
             u_g: given.fitted_g().map(|(_, u)| u),
         }
     }
+
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        of: fn(&::fit::Residual) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.inner.residuals.iter().map(of))
+    }
 }
 
 /// A serialized document as Python's own objects.
@@ -164,15 +172,13 @@ impl Fit {
     /// Radii that took part, mm: (n,).
     #[getter]
     fn radius_mm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let points = self.inner.residuals.iter();
-        PyArray1::from_iter(py, points.map(|r| r.radius_mm))
+        self.column(py, |r| r.radius_mm)
     }
 
     /// The model there, per incident power, mm^-2: (n,).
     #[getter]
     fn model_per_mm2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let points = self.inner.residuals.iter();
-        PyArray1::from_iter(py, points.map(|r| r.model_per_mm2))
+        self.column(py, |r| r.model_per_mm2)
     }
 
     /// Everything, as `fit.json` has it: the uncertainty budget is under "budget".

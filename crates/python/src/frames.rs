@@ -10,6 +10,7 @@ use numpy::{
 use physics::frame::Samples;
 use physics::{ChannelMap, Frame, ProfilePoint, Sensor};
 use pyo3::prelude::*;
+use pyo3::types::IntoPyDict;
 
 /// A merged picture.
 #[pyclass(frozen, module = "beamspot")]
@@ -77,7 +78,11 @@ fn frame(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Frame> {
         }
     };
     let kind: String = untyped.dtype().getattr("name")?.extract()?;
-    let as_type = |to: &str| array.call_method1("astype", (to,));
+    // An array that is of the type already is not copied for it.
+    let as_type = |to: &str| {
+        let keep = [("copy", false)].into_py_dict(array.py())?;
+        array.call_method("astype", (to,), Some(&keep))
+    };
     let samples = match kind.as_str() {
         "uint8" | "uint16" => {
             let counts = as_type("uint16")?.cast_into::<PyArrayDyn<u16>>()?;

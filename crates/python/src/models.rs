@@ -64,35 +64,22 @@ fn evaluate<'py>(
 }
 
 macro_rules! model {
-    ($(#[$doc:meta])* $function:ident, $name:literal) => {
+    ($(#[$doc:meta])* $function:ident, $name:literal,
+        ($($third:ident)?) => $g:expr, $thickness_mm:expr, $angle_deg:expr) => {
         $(#[$doc])*
         #[pyfunction]
-        #[pyo3(signature = (radius_mm, *, sigma_s_prime, sigma_a, eta))]
+        #[pyo3(signature = (radius_mm, *, sigma_s_prime, sigma_a, eta $(, $third)?))]
         pub(crate) fn $function<'py>(
             py: Python<'py>,
             radius_mm: Numbers<'py>,
             sigma_s_prime: f64,
             sigma_a: f64,
             eta: f64,
+            $($third: f64,)?
         ) -> PyResult<Bound<'py, PyArray1<f64>>> {
             let at = medium(sigma_s_prime, sigma_a, eta)?;
-            evaluate(py, &radius_mm, at, eta, &choice($name, None, None, 0.0))
-        }
-    };
-    ($(#[$doc:meta])* $function:ident, $name:literal, $third:ident => $g:expr, $thickness_mm:expr, $angle_deg:expr) => {
-        $(#[$doc])*
-        #[pyfunction]
-        #[pyo3(signature = (radius_mm, *, sigma_s_prime, sigma_a, eta, $third))]
-        pub(crate) fn $function<'py>(
-            py: Python<'py>,
-            radius_mm: Numbers<'py>,
-            sigma_s_prime: f64,
-            sigma_a: f64,
-            eta: f64,
-            $third: f64,
-        ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-            let at = medium(sigma_s_prime, sigma_a, eta)?;
-            evaluate(py, &radius_mm, at, eta, &choice($name, $g, $thickness_mm, $angle_deg))
+            let choice = choice($name, $g, $thickness_mm, $angle_deg);
+            evaluate(py, &radius_mm, at, eta, &choice)
         }
     };
 }
@@ -103,35 +90,35 @@ model! {
     /// `radius_mm` (n,): distances from the beam, mm. `sigma_s_prime`, `sigma_a`: coefficients,
     /// mm^-1. `eta`: relative refractive index. Returns (n,). Raises ValueError for a medium that
     /// is none. Source: Jensen et al. (2001), eq. 4, with the exact diffuse Fresnel reflectance.
-    dipole, "dipole"
+    dipole, "dipole", () => None, None, 0.0
 }
 model! {
     /// R_d(r) of the better dipole, mm^-2: as `dipole`. Source: d'Eon (2012).
-    better_dipole, "better-dipole"
+    better_dipole, "better-dipole", () => None, None, 0.0
 }
 model! {
     /// R_d(r) from flux and fluence, mm^-2: as `dipole`. Source: Kienle and Patterson (1997).
-    kienle_patterson, "kienle-patterson"
+    kienle_patterson, "kienle-patterson", () => None, None, 0.0
 }
 model! {
     /// R_d(r) of photon beam diffusion with single scattering, mm^-2: as `dipole`; `g` is the
     /// mean cosine of the scattering angle. Source: Habel, Christensen and Jarosz (2013).
-    photon_beam_diffusion, "photon-beam-diffusion", g => Some(g), None, 0.0
+    photon_beam_diffusion, "photon-beam-diffusion", (g) => Some(g), None, 0.0
 }
 model! {
     /// R_d(r) of a slab of `thickness_mm`, mm^-2: as `dipole`. Source: Donner and Jensen (2005).
-    multipole, "multipole", thickness_mm => None, Some(thickness_mm), 0.0
+    multipole, "multipole", (thickness_mm) => None, Some(thickness_mm), 0.0
 }
 model! {
     /// R_d(r) about a beam that falls in `angle_deg` off the normal, mean over azimuth, mm^-2: as
     /// `dipole`. Source: Frisvad, Hachisuka and Kjeldsen (2014).
-    directional, "directional", angle_deg => None, None, angle_deg
+    directional, "directional", (angle_deg) => None, None, angle_deg
 }
 model! {
     /// R_d(r) by the transport equation, mm^-2: as `dipole`; `g` is the mean cosine of the
     /// scattering angle (Henyey and Greenstein). Source: a table of a solution after Liemert and
     /// Kienle (2013), checked against Monte Carlo.
-    monte_carlo, "monte-carlo", g => Some(g), None, 0.0
+    monte_carlo, "monte-carlo", (g) => Some(g), None, 0.0
 }
 
 /// Total diffuse reflectance of a half-space (or slab), per power that enters.

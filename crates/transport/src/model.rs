@@ -464,13 +464,6 @@ impl ForwardModel for TransportModel {
         self.eta
     }
 
-    fn diffuse_reflectance(&self, coefficients: Coefficients, radius: &[f64], out: &mut [f64]) {
-        let point = self.at(coefficients);
-        for (out, reflectance) in out.iter_mut().zip(point.reflectance(radius)) {
-            *out = reflectance.value;
-        }
-    }
-
     fn diffuse_reflectance_gradient(
         &self,
         coefficients: Coefficients,

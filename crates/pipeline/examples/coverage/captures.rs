@@ -1,6 +1,5 @@
 //! Captures at the level of profiles, as the default camera of `synth` takes them.
 
-use physics::footprint::Beam;
 use physics::profile::mean_radius;
 use physics::{Coefficients, ForwardModel, ProfilePoint, RadialProfile, TotalReflectance};
 use pipeline::fitting::{Given, ScaleInput};
@@ -81,22 +80,10 @@ pub(crate) fn noiseless(
 /// What a fit of a closed form takes as given, nothing uncertain but the scale.
 pub(crate) fn given(model: ModelChoice, eta: f64) -> Given {
     Given {
-        model,
         discrepancy: false,
-        free_scale: false,
         constraint: fit::Constraint::Joint,
-        range_mm: None,
-        eta,
-        u_eta: 0.0,
-        entry_loss: true,
-        cos_beam: 1.0,
         exit: Exit::Fresnel { eta, angle: 0.0 },
-        u_length_relative: 0.0,
-        beam: Beam::Point,
-        u_fwhm_mm: 0.0,
-        pixel_mm: 0.0,
-        variants: vec![],
-        directions: vec![],
+        ..Given::of(model, eta)
     }
 }
 
