@@ -43,14 +43,6 @@ pub(crate) struct Summary {
     albedo_prime: f64,
 }
 
-/// χ² at a solution, and what follows from its derivatives.
-struct Evaluation {
-    chi2: f64,
-    scale: f64,
-    /// Of (τ, λ).
-    covariance: Matrix2<f64>,
-}
-
 fn inverse(hessian: Matrix2<f64>) -> Matrix2<f64> {
     hessian
         .try_inverse()
@@ -62,6 +54,8 @@ impl Problem<'_> {
     pub(crate) fn summary(&mut self, solution: &Solution) -> Summary {
         let &Solution {
             point,
+            chi2,
+            scale,
             evaluations,
             termination,
             ..
@@ -71,11 +65,7 @@ impl Problem<'_> {
         let at = point.coefficients(self.epsilon);
         let t = at.sigma_t_prime();
         let exact = options.constraint == Constraint::Exact;
-        let Evaluation {
-            chi2,
-            scale,
-            covariance,
-        } = self.evaluate(solution);
+        let covariance = self.covariance(solution);
 
         // A nuisance with a prior costs nothing: the prior is a datum. One without does.
         let unknown = usize::from(!exact && options.u_scale_relative == f64::INFINITY);
@@ -83,8 +73,8 @@ impl Problem<'_> {
         let extra = usize::from(!exact && data.total.is_some());
         let freedom = (self.points + extra).saturating_sub(free) as f64;
         let reduced_chi2 = if freedom > 0.0 { chi2 / freedom } else { 0.0 };
-        // Below 1 no chi-squared is improbable.
-        let probability = if reduced_chi2 > 1.0 {
+        // Three standard deviations above its mean no chi-squared is that improbable yet.
+        let probability = if chi2 > freedom + 3.0 * (2.0 * freedom).sqrt() {
             ChiSquared::new(freedom).map_or(1.0, |d| d.sf(chi2))
         } else {
             1.0
@@ -167,31 +157,25 @@ impl Problem<'_> {
         }
     }
 
-    /// The last evaluation: at the solution itself.
-    fn evaluate(&mut self, solution: &Solution) -> Evaluation {
-        let &Solution {
-            point,
-            tau_slope,
-            termination,
-            ..
-        } = solution;
+    /// That of (τ, λ) at a solution.
+    fn covariance(&mut self, solution: &Solution) -> Matrix2<f64> {
         if self.data.options.constraint != Constraint::Exact {
-            let normal = self.normal(Level::Full, point);
-            return Evaluation {
-                chi2: normal.chi2,
-                scale: normal.scale,
-                covariance: inverse(normal.hessian),
-            };
+            return inverse(solution.hessian);
         }
-        let bound = (termination == Termination::AtBound)
-            .then(|| inverse(self.normal(Level::Full, point).hessian));
-        let (chi2, _, curvature) = self.along_constraint(Level::Full, point, tau_slope);
-        let along = Vector2::new(tau_slope, 1.0);
-        Evaluation {
-            chi2,
-            scale: 1.0,
-            covariance: bound.unwrap_or(along * along.transpose() / curvature),
+        // At the bound both are free, for what the constraint says is no longer heeded.
+        if solution.termination == Termination::AtBound {
+            return inverse(self.normal(Level::Full, solution.point).hessian);
         }
+        let along = Vector2::new(solution.tau_slope, 1.0);
+        along * along.transpose() / along.dot(&(solution.hessian * along))
+    }
+
+    /// Leaves the model at the solution in the workspace.
+    fn evaluate(&mut self, solution: &Solution) {
+        match self.data.options.constraint {
+            Constraint::Exact => self.along_constraint(Level::Full, solution.point),
+            _ => self.normal(Level::Full, solution.point),
+        };
     }
 
     /// The points that took part, beside the model of the last evaluation.
@@ -274,6 +258,7 @@ impl Problem<'_> {
     /// The fit that `solution` stands for; `trusted` is what the choice of the range warned of.
     pub(crate) fn conclude(&mut self, solution: &Solution, trusted: Option<Warning>) -> Fit {
         let summary = self.summary(solution);
+        self.evaluate(solution);
         let mut warnings: Vec<Warning> = trusted.into_iter().collect();
         summary.warn(
             self.data.options.u_scale_relative,

@@ -657,26 +657,14 @@ impl<'a> Problem<'a> {
         rows().map(|(w, d, v)| w * (d - scale * v).powi(2)).sum()
     }
 
-    /// χ² of the profile alone along the constraint, where τ depends on λ with slope `tau_slope`,
-    /// with half its gradient and half its Gauss-Newton curvature in λ. The scale is taken as
+    /// The equations of the profile alone, as they are along the constraint. The scale is taken as
     /// known; the other nuisances stay.
-    pub(crate) fn along_constraint(
-        &mut self,
-        level: Level,
-        point: Point,
-        tau_slope: f64,
-    ) -> (f64, f64, f64) {
+    pub(crate) fn along_constraint(&mut self, level: Level, point: Point) -> Normal {
         let terms = Terms {
             total: None,
             scale_precision: None,
         };
-        let normal = self.reduced(level, point, &terms);
-        let along = Vector2::new(tau_slope, 1.0);
-        (
-            normal.chi2,
-            along.dot(&normal.gradient),
-            along.dot(&(normal.hessian * along)),
-        )
+        self.reduced(level, point, &terms)
     }
 
     /// χ² of profile, total and priors, with every nuisance at its optimum.

@@ -9,8 +9,7 @@ use nalgebra::{Matrix2, Vector2};
 const SCAN: usize = 17;
 /// Points of the scan in absorption where no total ties it to λ.
 const SCAN_ABSORPTION: usize = 16;
-/// A step of λ, or relative step of τ, that ends a search. The steps shrink at least tenfold each
-/// time, unless the data contradict the model by as much as they say: the last is taken unseen.
+/// How far from the minimum a search may end, in λ or relative in τ. The last step is taken unseen.
 const CLOSE: f64 = 1e-9;
 /// The same on the coarse data, which only tell where to begin.
 const CLOSE_COARSE: f64 = 1e-3;
@@ -24,6 +23,9 @@ pub(crate) struct Solution {
     /// dτ/dλ along the constraint, where there is one.
     pub(crate) tau_slope: f64,
     pub(crate) chi2: f64,
+    pub(crate) scale: f64,
+    /// Half the Gauss-Newton Hessian of χ² in (τ, λ), one short step before the end.
+    pub(crate) hessian: Matrix2<f64>,
     pub(crate) evaluations: usize,
     pub(crate) termination: Termination,
 }
@@ -146,6 +148,9 @@ fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point,
         let model = problem.enclosed(at(tau));
         slope = -model.in_lambda / model.in_tau;
         let excess = model.value - total;
+        if excess.abs() <= f64::EPSILON * total {
+            break;
+        }
         if excess > 0.0 {
             low = tau;
         } else if tau <= bound {
@@ -208,7 +213,11 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     let mut lambdas: Vec<f64> = (0..SCAN)
         .map(|i| from + (high - from) * i as f64 / (SCAN - 1) as f64)
         .collect();
-    let kink = problem.exact_total().and_then(|t| least_lambda(problem, t));
+    // On the whole plane every medium can return the total, and there is no kink.
+    let kink = problem
+        .exact_total()
+        .and_then(|t| least_lambda(problem, t))
+        .filter(|kink| *kink > low);
     if let Some(kink) = kink {
         // Just above the kink absorption rises steeply from 0.
         lambdas.extend(
@@ -263,7 +272,6 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
         })
         .collect();
     starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    starts.truncate(FOLLOWED);
     starts
 }
 
@@ -299,6 +307,14 @@ fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
 }
 
 /// The minimum along the constraint: the zero of the gradient in λ inside the bracket.
+///
+/// The first step is Gauss and Newton's; then the secant of the gradient takes the place of their
+/// curvature, which leaves the residuals' own part out. Errors shrink as their products, so two
+/// steps tell what the next would be.
+///
+/// Where light dies out before the next point of the scan, the valley is a narrow one between a
+/// plateau, of media too dense to return anything, and a wall: so no slope at all counts as one
+/// that falls toward the sparser media.
 fn along_constraint(
     problem: &mut Problem,
     level: Level,
@@ -310,24 +326,38 @@ fn along_constraint(
     let mut termination = Termination::OutOfEvaluations;
     let (mut point, mut tau_slope) = on_constraint(problem, lambda, Some(start.point));
     let mut chi2 = start.chi2;
+    let mut hessian = Matrix2::zeros();
+    // Gradient before, and the step that was taken there.
+    let mut last: Option<(f64, f64)> = None;
     while budget.spend() {
-        let (value, gradient, curvature) = problem.along_constraint(level, point, tau_slope);
-        chi2 = value;
-        if gradient > 0.0 {
+        let normal = problem.along_constraint(level, point);
+        hessian = normal.hessian;
+        let along = Vector2::new(tau_slope, 1.0);
+        let gradient = along.dot(&normal.gradient);
+        let gauss_newton = along.dot(&(hessian * along));
+        if gradient >= 0.0 {
             high = lambda;
         } else {
             low = lambda;
         }
+        let secant = last
+            .map(|(before, step)| (gradient - before) / step)
+            .filter(|c| (0.5..2.0).contains(&(c / gauss_newton)));
+        let curvature = secant.unwrap_or(gauss_newton);
         let newton = lambda - gradient / curvature;
-        let next = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
+        let inside = (low..=high).contains(&newton);
+        let next = if inside { newton } else { 0.5 * (low + high) };
+        let step = next - lambda;
+        let left = match last {
+            Some((_, before)) if inside && secant.is_some() => step * step / before.abs(),
+            _ => step.abs(),
         };
-        let step = (next - lambda).abs();
+        // What the parabola at this place says of the next.
+        chi2 = normal.chi2 + step * (2.0 * gradient + step * curvature);
+        last = Some((gradient, step));
         lambda = next;
         (point, tau_slope) = on_constraint(problem, lambda, Some(point));
-        if step <= close || high - low <= close || gradient == 0.0 {
+        if left <= close || high - low <= close {
             termination = Termination::Converged;
             break;
         }
@@ -339,6 +369,8 @@ fn along_constraint(
         point,
         tau_slope,
         chi2,
+        scale: 1.0,
+        hessian,
         evaluations: budget.used,
         termination,
     }
@@ -399,6 +431,8 @@ fn descend(problem: &mut Problem, level: Level, start: Point, budget: &mut Budge
         point: at,
         tau_slope: 0.0,
         chi2: normal.chi2,
+        scale: normal.scale,
+        hessian: normal.hessian,
         evaluations: budget.used,
         termination,
     }

@@ -120,6 +120,55 @@ fn no_failure_on_a_thousand_random_materials() {
     println!("at most {most} evaluations");
 }
 
+/// A medium so fine that its light has died out at most radii: χ² along the constraint is a narrow
+/// valley between a plateau, where the model returns nothing, and a wall of ten powers of ten.
+#[test]
+fn a_valley_narrower_than_the_scan_is_found() {
+    // What once ended at the scan's lower bound, then what is finer still.
+    for (sigma_a, sigma_s_prime) in [(17.148, 2.5157), (15.5616, 3.3015), (20.0, 4.0)] {
+        let medium = ReducedMedium {
+            sigma_a,
+            sigma_s_prime,
+            eta: 1.4,
+        };
+        let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
+        let radii = (0..200).map(|i| 0.3 * (20.0_f64 / 0.3).powf(f64::from(i) / 199.0));
+        let points = radii.map(|radius_mm| {
+            let value = dipole.diffuse_reflectance(radius_mm);
+            ProfilePoint {
+                ring_mm: None,
+                radius_mm,
+                reflectance_per_mm2: value,
+                u_reflectance_per_mm2: 0.01 * value + 1e-9,
+                pixels: None,
+            }
+        });
+        let profile = RadialProfile {
+            channel: "G".to_owned(),
+            points: points.collect(),
+        };
+        let total = TotalReflectance {
+            channel: "G".to_owned(),
+            total_reflectance: dipole.total_reflectance(),
+            u_total_reflectance: 1e-3,
+            radius_max_mm: None,
+            u_scale_relative: 0.0,
+            u_offset_per_mm2: 0.0,
+        };
+        let options = FitOptions {
+            constraint: Constraint::Exact,
+            range_mm: Some((0.3, 20.0)),
+            ..FitOptions::default()
+        };
+        let model = DipoleModel::new(1.4, DiffuseFresnel::Exact);
+        let found = fit(&profile, Some(&total), &model, &options).unwrap();
+        let error = (found.sigma_a.value / sigma_a - 1.0)
+            .abs()
+            .max((found.sigma_s_prime.value / sigma_s_prime - 1.0).abs());
+        assert!(error < 1e-7, "{medium:?}: {found:?}");
+    }
+}
+
 #[test]
 fn the_joint_interval_holds_the_truth_as_often_as_it_says() {
     let media = [
