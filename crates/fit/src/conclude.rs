@@ -86,7 +86,7 @@ impl Problem<'_> {
         };
 
         let covariance = covariance * (widened * widened);
-        let (in_a, in_s) = jacobian(point, self.epsilon);
+        let (in_a, in_s) = jacobian(point.tau, self.epsilon, at);
         let u_s = in_s.dot(&(covariance * in_s)).max(0.0).sqrt();
         let variance_a = in_a.dot(&(covariance * in_a)).max(0.0);
         let mixed = in_a.dot(&(covariance * in_s));
@@ -203,7 +203,8 @@ impl Problem<'_> {
         let one_way = exact && solution.termination != Termination::AtBound;
         // In units of the uncertainties themselves, so that nothing is small beside another.
         let basis = if one_way {
-            let (in_a, in_s) = jacobian(solution.point, self.epsilon);
+            let at = self.coefficients(solution);
+            let (in_a, in_s) = jacobian(solution.point.tau, self.epsilon, at);
             let along = Vector2::new(solution.tau_slope, 1.0);
             let along = Vector2::new(in_a.dot(&along), in_s.dot(&along));
             vec![along * (u_s / along.y.abs().max(f64::MIN_POSITIVE))]

@@ -133,7 +133,7 @@ fn search(
             Some(range) => (range, None),
             None => range::trusted(data.geometry.outer_mm, options, next),
         };
-        let same = range::same_points(&data.geometry.edges, range, trusted);
+        let same = range == trusted || range::same_points(&data.geometry.edges, range, trusted);
         if (same || rounds >= 8) && settled || rounds >= ROUNDS {
             return Ok((problem, solution, warning));
         }

@@ -21,15 +21,41 @@ use std::ops::Range;
 pub(crate) struct Point {
     pub(crate) tau: f64,
     pub(crate) lambda: f64,
+    /// σₜ′ = e^λ, mm⁻¹.
+    pub(crate) sigma_t_prime: f64,
 }
 
 impl Point {
+    /// No absorption yet, at this λ.
+    pub(crate) fn at(lambda: f64) -> Self {
+        Self {
+            tau: 0.0,
+            lambda,
+            sigma_t_prime: lambda.exp(),
+        }
+    }
+
+    pub(crate) fn with_tau(self, tau: f64) -> Self {
+        Self { tau, ..self }
+    }
+
+    pub(crate) fn with_sigma_tr(self, sigma_tr: f64, epsilon: f64) -> Self {
+        let square = sigma_tr * sigma_tr;
+        // √(σₜᵣ² + ε²) − ε without its cancellation.
+        let tau = if square > 0.0 {
+            square / ((square + epsilon * epsilon).sqrt() + epsilon)
+        } else {
+            0.0
+        };
+        self.with_tau(tau)
+    }
+
     pub(crate) fn sigma_tr(self, epsilon: f64) -> f64 {
         (self.tau * (self.tau + 2.0 * epsilon)).sqrt()
     }
 
     pub(crate) fn coefficients(self, epsilon: f64) -> Coefficients {
-        Coefficients::from_sigma_tr(self.sigma_tr(epsilon), self.lambda.exp())
+        Coefficients::from_sigma_tr(self.sigma_tr(epsilon), self.sigma_t_prime)
     }
 }
 
@@ -41,14 +67,13 @@ pub(crate) struct Sensitivity {
     pub(crate) in_lambda: f64,
 }
 
-/// How σₐ and σₛ′ change with (τ, λ).
-pub(crate) fn jacobian(point: Point, epsilon: f64) -> (Vector2<f64>, Vector2<f64>) {
-    let Coefficients { sigma_a, .. } = point.coefficients(epsilon);
-    let t = point.lambda.exp();
-    let a_in_tau = 2.0 / 3.0 * (point.tau + epsilon) / t;
+/// How σₐ and σₛ′ change with (τ, λ) at this τ, where they are `at`.
+pub(crate) fn jacobian(tau: f64, epsilon: f64, at: Coefficients) -> (Vector2<f64>, Vector2<f64>) {
+    let t = at.sigma_t_prime();
+    let a_in_tau = 2.0 / 3.0 * (tau + epsilon) / t;
     (
-        Vector2::new(a_in_tau, -sigma_a),
-        Vector2::new(-a_in_tau, t + sigma_a),
+        Vector2::new(a_in_tau, -at.sigma_a),
+        Vector2::new(-a_in_tau, t + at.sigma_a),
     )
 }
 
@@ -108,6 +133,35 @@ pub(crate) struct Data<'a> {
     pub(crate) channel: &'a dyn Fn() -> String,
 }
 
+/// What the coarse profile says of a model v at the known scale: sums over its residuals e.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Coarse {
+    /// Σ w e².
+    pub(crate) chi2: f64,
+    /// Σ w v e.
+    along: f64,
+    /// Σ w v².
+    norm: f64,
+}
+
+impl Coarse {
+    /// χ² at the best scale, whose prior is 1 ± `u`.
+    pub(crate) fn at_best_scale(&self, u: f64) -> f64 {
+        let norm = self.norm + u.powi(-2);
+        if norm > 0.0 {
+            self.chi2 - self.along * self.along / norm
+        } else {
+            self.chi2
+        }
+    }
+
+    /// ln of the factor that would bring the model to the data: about linear in λ where light dies
+    /// out, above 0 for a medium too dense. NaN where there is none.
+    pub(crate) fn ln_factor(&self) -> f64 {
+        (1.0 + self.along / self.norm).ln()
+    }
+}
+
 /// How many data, and how, an evaluation looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Level {
@@ -130,7 +184,7 @@ pub(crate) struct Memory {
 }
 
 /// Points of the coarse data.
-const COARSE: usize = 24;
+const COARSE: usize = 16;
 
 /// One channel's data in one range beside one model.
 pub(crate) struct Problem<'a> {
@@ -349,7 +403,9 @@ impl<'a> Problem<'a> {
         let Data {
             geometry, options, ..
         } = data;
-        let inside = |i: usize| range::contains(range, geometry.edges[i]);
+        // The geometry holds what its own range holds.
+        let all_inside = range == geometry.range_mm;
+        let inside = |i: usize| all_inside || range::contains(range, geometry.edges[i]);
         let all = 0..geometry.len();
         let first = all.clone().find(|&i| inside(i)).unwrap_or(0);
         let last = all.rev().find(|&i| inside(i)).map_or(first, |i| i + 1);
@@ -366,20 +422,30 @@ impl<'a> Problem<'a> {
         }
         let space = &mut memory.full;
         space.resize(span.len());
+        // Whole columns first, then what takes no part: the loops stay without a branch.
+        space.datum[..span.len()].copy_from_slice(&data.value[span.clone()]);
+        for (weight, u) in space.weight.iter_mut().zip(&data.u[span.clone()]) {
+            *weight = 1.0 / (u * u);
+        }
+        if points < span.len() {
+            for (row, _) in span.clone().enumerate().filter(|&(_, i)| !inside(i)) {
+                (space.datum[row], space.weight[row]) = (0.0, 0.0);
+            }
+        }
         // Rings outside the total's circle share no pixel with it.
-        let circle = data.total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
-        for (row, i) in span.clone().enumerate().filter(|&(_, i)| inside(i)) {
-            space.datum[row] = data.value[i];
-            space.weight[row] = data.u[i].powi(-2);
-            if geometry.edges[i].1 <= circle {
-                space.area[row] = geometry.areas[i];
+        if let Some(circle) = data.total.and_then(|t| t.radius_max_mm) {
+            let circle = circle * (1.0 + 1e-9);
+            for (row, i) in span.clone().enumerate().filter(|&(_, i)| inside(i)) {
+                if geometry.edges[i].1 <= circle {
+                    space.area[row] = geometry.areas[i];
+                }
             }
         }
         let total = data.total.map(|measured| {
             let whole = measured.u.powi(2);
             let (mut rest, mut variance) = (measured.total, whole);
             for ((value, area), weight) in space.datum.iter().zip(&space.area).zip(&space.weight) {
-                if *weight > 0.0 {
+                if *area > 0.0 {
                     rest -= area * value;
                     variance -= area * area / weight;
                 }
@@ -481,23 +547,20 @@ impl<'a> Problem<'a> {
         let radii = &self.data.geometry.radii[self.span.clone()];
         for group in 0..count {
             let rows = group * rings / count..(group + 1) * rings / count;
-            let says = |i: usize| full.weight[i] * full.datum[i] * full.datum[i];
-            let (mut best, mut all, mut weight) = (rows.start, 0.0, 0.0);
+            let (mut best, mut most) = (rows.start, -1.0);
+            let (mut all, mut weight) = (0.0, 0.0);
             for i in rows {
-                if full.weight[i] > 0.0 && (full.weight[best] == 0.0 || says(i) > says(best)) {
-                    best = i;
+                let says = full.weight[i] * full.datum[i] * full.datum[i];
+                if full.weight[i] > 0.0 && says > most {
+                    (best, most) = (i, says);
                 }
-                all += says(i);
+                all += says;
                 weight += full.weight[i];
             }
             coarse_mm.push(radii[best]);
             coarse.datum[group] = full.datum[best];
             // What the directions leave of it where they are independent at every point.
-            let ratio = if says(best) > 0.0 {
-                all / says(best)
-            } else {
-                1.0
-            };
+            let ratio = if most > 0.0 { all / most } else { 1.0 };
             let stride = full.stride();
             let relative = full.relative.iter().skip(best).step_by(stride);
             let absolute = full.absolute.iter().skip(best).step_by(stride);
@@ -515,20 +578,17 @@ impl<'a> Problem<'a> {
     }
 
     /// Bounds of τ at this λ: no absorption, and next to no scattering.
-    pub(crate) fn tau_bounds(&self, lambda: f64) -> (f64, f64) {
-        let highest = 3.0_f64.sqrt() * (1.0 - 1e-9) * lambda.exp();
+    pub(crate) fn tau_bounds(&self, at: Point) -> (f64, f64) {
+        let t = at.sigma_t_prime;
         // On the whole plane the slope of the total in σₐ is infinite at 0 itself.
-        let lowest = if self.epsilon > 0.0 {
-            0.0
-        } else {
-            1e-9 * lambda.exp()
-        };
-        (lowest, highest.hypot(self.epsilon) - self.epsilon)
+        let lowest = if self.epsilon > 0.0 { 0.0 } else { 1e-9 * t };
+        let highest = at.with_sigma_tr(3.0_f64.sqrt() * (1.0 - 1e-9) * t, self.epsilon);
+        (lowest, highest.tau)
     }
 
-    /// The model value whose derivatives in the coefficients are `gradient`.
-    fn sensitivity(&self, gradient: Gradient, point: Point) -> Sensitivity {
-        let (in_a, in_s) = jacobian(point, self.epsilon);
+    /// The model value that is `gradient` in the coefficients, at this τ, where they are `at`.
+    fn sensitivity(&self, gradient: Gradient, tau: f64, at: Coefficients) -> Sensitivity {
+        let (in_a, in_s) = jacobian(tau, self.epsilon, at);
         let slope = in_a * gradient.in_sigma_a + in_s * gradient.in_sigma_s_prime;
         let factor = self.data.options.entry_factor;
         Sensitivity {
@@ -572,7 +632,7 @@ impl<'a> Problem<'a> {
     pub(crate) fn enclosed(&self, point: Point) -> Sensitivity {
         let at = point.coefficients(self.epsilon);
         let gradient = self.data.model.within(at, self.circle());
-        self.sensitivity(gradient, point)
+        self.sensitivity(gradient, point.tau, at)
     }
 
     /// The model at every ring of this level, into its workspace.
@@ -610,13 +670,14 @@ impl<'a> Problem<'a> {
     }
 
     fn reduced(&mut self, level: Level, point: Point, terms: &Terms) -> Normal {
-        self.rings(level, point.coefficients(self.epsilon));
+        let at = point.coefficients(self.epsilon);
+        self.rings(level, at);
         let space = match level {
             Level::Full => &mut self.memory.full,
             Level::Coarse => &mut self.memory.coarse,
         };
         let reduced = space.reduce(terms);
-        let (in_a, in_s) = jacobian(point, self.epsilon);
+        let (in_a, in_s) = jacobian(point.tau, self.epsilon, at);
         let jacobian = Matrix2::from_columns(&[in_a, in_s]).transpose();
         Normal {
             chi2: reduced.chi2,
@@ -626,8 +687,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// χ² of the coarse profile alone, without derivatives, at the known scale or at the best one.
-    pub(crate) fn coarse_chi2(&mut self, point: Point, best_scale: bool) -> f64 {
+    /// The coarse profile alone beside the model at `point`, without derivatives.
+    pub(crate) fn coarse(&mut self, point: Point) -> Coarse {
         let at = point.coefficients(self.epsilon);
         let factor = self.data.options.entry_factor;
         let Memory {
@@ -639,22 +700,15 @@ impl<'a> Problem<'a> {
         self.data
             .model
             .diffuse_reflectance(at, coarse_mm, coarse_values);
-        let rows = || {
-            let rows = coarse.weight.iter().zip(&coarse.datum).zip(&*coarse_values);
-            rows.map(|((&w, &d), &v)| (w, d, v * factor))
-        };
-        let scale = if best_scale {
-            let u_scale = self.data.options.u_scale_relative;
-            let (mut up, mut down) = (0.0, u_scale.powi(-2));
-            for (w, d, v) in rows() {
-                up += w * v * (d - v);
-                down += w * v * v;
-            }
-            if down > 0.0 { 1.0 + up / down } else { 1.0 }
-        } else {
-            1.0
-        };
-        rows().map(|(w, d, v)| w * (d - scale * v).powi(2)).sum()
+        let mut sums = Coarse::default();
+        for ((w, d), v) in coarse.weight.iter().zip(&coarse.datum).zip(&*coarse_values) {
+            let v = factor * v;
+            let e = d - v;
+            sums.chi2 += w * e * e;
+            sums.along += w * v * e;
+            sums.norm += w * v * v;
+        }
+        sums
     }
 
     /// The equations of the profile alone, as they are along the constraint. The scale is taken as

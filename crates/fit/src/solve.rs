@@ -1,7 +1,7 @@
 //! The search: a scan that cannot miss, then safeguarded Gauss-Newton steps.
 
 use crate::options::Constraint;
-use crate::problem::{Level, Normal, Point, Problem};
+use crate::problem::{Coarse, Level, Normal, Point, Problem};
 use crate::result::Termination;
 use nalgebra::{Matrix2, Vector2};
 
@@ -13,6 +13,8 @@ const SCAN_ABSORPTION: usize = 16;
 const CLOSE: f64 = 1e-9;
 /// The same on the coarse data, which only tell where to begin.
 const CLOSE_COARSE: f64 = 1e-3;
+/// How near the model's total comes to the measured one under the constraint, over it: rounding.
+const EXACT: f64 = 8.0 * f64::EPSILON;
 /// Places that are followed to the end on all data.
 const FOLLOWED: usize = 4;
 
@@ -47,6 +49,8 @@ impl Budget {
 #[derive(Clone, Copy, Debug)]
 struct Start {
     point: Point,
+    /// Where along the constraint the minimum is thought to be.
+    lambda: f64,
     low: f64,
     high: f64,
     chi2: f64,
@@ -79,6 +83,7 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
             _ => descend(problem, Level::Coarse, start.point, &mut budget),
         };
         (start.point, start.chi2) = (refined.point, refined.chi2);
+        start.lambda = refined.point.lambda;
     }
     starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     // What the coarse data rule out by far needs no second look, nor what they find twice.
@@ -107,10 +112,8 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
     }
     let near = problem.data.options.near;
     if let Some(near) = near.filter(|_| problem.data.options.constraint != Constraint::Exact) {
-        let start = Point {
-            tau: near.sigma_tr().hypot(problem.epsilon) - problem.epsilon,
-            lambda: near.sigma_t_prime().ln(),
-        };
+        let start = Point::at(near.sigma_t_prime().ln());
+        let start = start.with_sigma_tr(near.sigma_tr(), problem.epsilon);
         let solution = descend(problem, Level::Full, start, &mut budget);
         if best.is_none_or(|b| solution.chi2 < b.chi2) {
             best = Some(solution);
@@ -129,16 +132,18 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
 /// without any returns too little, τ stays at its bound. It begins at the σₜᵣ/σₜ′ of `near`, which
 /// on the whole plane is the root itself, since there the total depends on α′ alone.
 fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point, f64) {
-    let (bound, mut high) = problem.tau_bounds(lambda);
+    let clear = Point::at(lambda);
+    let (bound, mut high) = problem.tau_bounds(clear);
     let mut low = bound;
-    let at = |tau| Point { tau, lambda };
+    let at = |tau| clear.with_tau(tau);
     let Some(total) = problem.exact_total() else {
         return (at(low), 0.0);
     };
     let guess = match near {
         Some(near) => {
-            let sigma_tr = near.sigma_tr(problem.epsilon) * (lambda - near.lambda).exp();
-            sigma_tr.hypot(problem.epsilon) - problem.epsilon
+            let denser = clear.sigma_t_prime / near.sigma_t_prime;
+            let sigma_tr = near.sigma_tr(problem.epsilon) * denser;
+            clear.with_sigma_tr(sigma_tr, problem.epsilon).tau
         }
         None => low + (1.0 - total).clamp(0.0, 1.0) * (high - low),
     };
@@ -148,7 +153,7 @@ fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point,
         let model = problem.enclosed(at(tau));
         slope = -model.in_lambda / model.in_tau;
         let excess = model.value - total;
-        if excess.abs() <= f64::EPSILON * total {
+        if excess.abs() <= EXACT * total {
             break;
         }
         if excess > 0.0 {
@@ -182,8 +187,9 @@ fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point,
 fn least_lambda(problem: &Problem, total: f64) -> Option<f64> {
     let (mut low, mut high) = problem.lambda_bounds();
     let returns = |lambda: f64| {
-        let tau = problem.tau_bounds(lambda).0;
-        problem.enclosed(Point { tau, lambda }).value >= total
+        let clear = Point::at(lambda);
+        let clear = clear.with_tau(problem.tau_bounds(clear).0);
+        problem.enclosed(clear).value >= total
     };
     if !returns(high) {
         return None;
@@ -228,25 +234,41 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
         );
         lambdas.sort_by(f64::total_cmp);
     }
-    let mut scanned: Vec<(Point, f64)> = Vec::with_capacity(lambdas.len());
+    let mut scanned: Vec<(Point, Coarse)> = Vec::with_capacity(lambdas.len());
     for &lambda in &lambdas {
         budget.spend();
         let near = scanned.last().map(|s| s.0);
         let (point, _) = on_constraint(problem, lambda, near);
-        scanned.push((point, problem.coarse_chi2(point, false)));
+        scanned.push((point, problem.coarse(point)));
     }
     let last = scanned.len() - 1;
+    let chi2 = |i: usize| scanned[i].1.chi2;
+    // Where the model would be as bright as the data, between this place and one beside it.
+    let as_bright = |i: usize| {
+        let here = scanned[i].1.ln_factor();
+        let beside = if here > 0.0 {
+            i.saturating_sub(1)
+        } else {
+            i + 1
+        };
+        let there = scanned.get(beside).map_or(here, |s| s.1.ln_factor());
+        let place = here / (here - there);
+        if (0.0..1.0).contains(&place) {
+            lambdas[i] + place * (lambdas[beside] - lambdas[i])
+        } else {
+            lambdas[i]
+        }
+    };
     let mut starts: Vec<Start> = (0..=last)
-        .filter(|&i| {
-            let chi2 = scanned[i].1;
-            (i == 0 || chi2 <= scanned[i - 1].1) && (i == last || chi2 <= scanned[i + 1].1)
-        })
+        // Of a plateau its sparse end.
+        .filter(|&i| (i == 0 || chi2(i) < chi2(i - 1)) && (i == last || chi2(i) <= chi2(i + 1)))
         .flat_map(|i| {
             // One step more than the coarse minimum lies between, since all data may shift it.
             let (below, above) = (lambdas[i.saturating_sub(2)], lambdas[(i + 2).min(last)]);
-            let (point, chi2) = scanned[i];
+            let (point, Coarse { chi2, .. }) = scanned[i];
             let start = |low: f64, high: f64, lambda: f64| Start {
-                point: Point { lambda, ..point },
+                point,
+                lambda,
                 low,
                 high,
                 chi2,
@@ -267,7 +289,7 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
                     ),
                 ]
             } else {
-                vec![start(below, above, lambdas[i])]
+                vec![start(below, above, as_bright(i))]
             }
         })
         .collect();
@@ -286,13 +308,19 @@ fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
         for j in 1..=SCAN_ABSORPTION {
             // σₜᵣ/σₜ′ from 0.002 to 1.72, denser toward 0: α′ from 0.999999 to 0.01.
             let k = 1.72 * (j as f64 / SCAN_ABSORPTION as f64).powf(2.5);
-            let tau = (k * lambda.exp()).hypot(problem.epsilon) - problem.epsilon;
-            let point = Point { tau, lambda };
+            let point = Point::at(lambda);
+            let point = point.with_sigma_tr(k * point.sigma_t_prime, problem.epsilon);
             budget.spend();
-            let chi2 = problem.coarse_chi2(point, best_scale);
+            let coarse = problem.coarse(point);
+            let chi2 = if best_scale {
+                coarse.at_best_scale(problem.data.options.u_scale_relative)
+            } else {
+                coarse.chi2
+            };
             if best.is_none_or(|b| chi2 < b.chi2) {
                 best = Some(Start {
                     point,
+                    lambda,
                     low,
                     high,
                     chi2,
@@ -308,9 +336,11 @@ fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
 
 /// The minimum along the constraint: the zero of the gradient in λ inside the bracket.
 ///
-/// The first step is Gauss and Newton's; then the secant of the gradient takes the place of their
-/// curvature, which leaves the residuals' own part out. Errors shrink as their products, so two
-/// steps tell what the next would be.
+/// The first step is Gauss and Newton's, with G = Σ w m′² for half the curvature of χ². What that
+/// leaves out, Σ w (m − d) m″, moves by half as much as G does. So the secant of the gradient, which
+/// is the mean curvature between the last two places, and ¾ of the change of G give the one from
+/// here to the minimum, but for second order. Errors shrink as their products: two steps tell what
+/// the next would be.
 ///
 /// Where light dies out before the next point of the scan, the valley is a narrow one between a
 /// plateau, of media too dense to return anything, and a wall: so no slope at all counts as one
@@ -322,13 +352,13 @@ fn along_constraint(
     budget: &mut Budget,
 ) -> Solution {
     let close = close(level);
-    let (mut low, mut high, mut lambda) = (start.low, start.high, start.point.lambda);
+    let (mut low, mut high, mut lambda) = (start.low, start.high, start.lambda);
     let mut termination = Termination::OutOfEvaluations;
     let (mut point, mut tau_slope) = on_constraint(problem, lambda, Some(start.point));
     let mut chi2 = start.chi2;
     let mut hessian = Matrix2::zeros();
-    // Gradient before, and the step that was taken there.
-    let mut last: Option<(f64, f64)> = None;
+    // Gradient and G before, and the step that was taken there.
+    let mut last: Option<(f64, f64, f64)> = None;
     while budget.spend() {
         let normal = problem.along_constraint(level, point);
         hessian = normal.hessian;
@@ -341,7 +371,7 @@ fn along_constraint(
             low = lambda;
         }
         let secant = last
-            .map(|(before, step)| (gradient - before) / step)
+            .map(|(g, was, step)| (gradient - g) / step + 0.75 * (gauss_newton - was))
             .filter(|c| (0.5..2.0).contains(&(c / gauss_newton)));
         let curvature = secant.unwrap_or(gauss_newton);
         let newton = lambda - gradient / curvature;
@@ -349,12 +379,12 @@ fn along_constraint(
         let next = if inside { newton } else { 0.5 * (low + high) };
         let step = next - lambda;
         let left = match last {
-            Some((_, before)) if inside && secant.is_some() => step * step / before.abs(),
+            Some((_, _, before)) if inside && secant.is_some() => step * step / before.abs(),
             _ => step.abs(),
         };
         // What the parabola at this place says of the next.
         chi2 = normal.chi2 + step * (2.0 * gradient + step * curvature);
-        last = Some((gradient, step));
+        last = Some((gradient, gauss_newton, step));
         lambda = next;
         (point, tau_slope) = on_constraint(problem, lambda, Some(point));
         if left <= close || high - low <= close {
@@ -362,7 +392,7 @@ fn along_constraint(
             break;
         }
     }
-    if point.tau <= problem.tau_bounds(lambda).0 && termination == Termination::Converged {
+    if point.tau <= problem.tau_bounds(point).0 && termination == Termination::Converged {
         termination = Termination::AtBound;
     }
     Solution {
@@ -392,7 +422,7 @@ fn descend(problem: &mut Problem, level: Level, start: Point, budget: &mut Budge
     let mut damping = 1e-4;
     let mut termination = Termination::OutOfEvaluations;
     while budget.spend() {
-        let (lowest, highest) = problem.tau_bounds(at.lambda);
+        let (lowest, highest) = problem.tau_bounds(at);
         // A bound that the gradient pushes against takes τ out of the step.
         let held = (at.tau <= lowest && normal.gradient.x > 0.0)
             || (at.tau >= highest && normal.gradient.x < 0.0);
@@ -402,11 +432,9 @@ fn descend(problem: &mut Problem, level: Level, start: Point, budget: &mut Budge
             break;
         }
         let lambda = (at.lambda + step.y).clamp(lambda_low, lambda_high);
-        let (lowest, highest) = problem.tau_bounds(lambda);
-        let next = Point {
-            tau: (at.tau + step.x).clamp(lowest, highest),
-            lambda,
-        };
+        let next = Point::at(lambda);
+        let (lowest, highest) = problem.tau_bounds(next);
+        let next = next.with_tau((at.tau + step.x).clamp(lowest, highest));
         let small = (next.lambda - at.lambda).abs() <= close
             && (next.tau - at.tau).abs() <= close * (at.tau + problem.epsilon);
         if small || damping > 1e12 {
@@ -424,7 +452,7 @@ fn descend(problem: &mut Problem, level: Level, start: Point, budget: &mut Budge
             damping *= 10.0;
         }
     }
-    if at.tau <= problem.tau_bounds(at.lambda).0 && termination == Termination::Converged {
+    if at.tau <= problem.tau_bounds(at).0 && termination == Termination::Converged {
         termination = Termination::AtBound;
     }
     Solution {

@@ -106,19 +106,19 @@ impl Dipole {
         let mut sum = SourceSum::default();
         for z in [self.z_real, self.z_virtual] {
             let near = (-tr * z).exp();
-            let (far, per_d, path) = if radius.is_finite() {
+            // The last is (1 − e^(−σₜᵣ (d − z)))/σₜᵣ.
+            let (far, per_d, mean_path) = if radius.is_finite() {
                 let d = radius.hypot(z);
-                ((-tr * d).exp() * z / d, 1.0 / d, d - z)
+                let path = if tr > 0.0 {
+                    -(-tr * (d - z)).exp_m1() / tr
+                } else {
+                    d - z
+                };
+                ((-tr * d).exp() * z / d, 1.0 / d, path)
             } else {
-                (0.0, 0.0, f64::INFINITY)
+                (0.0, 0.0, 1.0 / tr)
             };
             sum.value += near - far;
-            // (e^(−σₜᵣ z) − e^(−σₜᵣ d))/σₜᵣ, without its cancellation.
-            let mean_path = if tr > 0.0 {
-                -(-tr * path).exp_m1() / tr
-            } else {
-                path
-            };
             sum.in_sigma_tr_squared -= 0.5 * z * near * mean_path;
             let slope = (z * per_d).powi(2) + z * z * tr * per_d;
             sum.in_ln_depth -= tr * z * near + far * (1.0 - slope);

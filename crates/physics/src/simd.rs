@@ -4,6 +4,7 @@
 //! turns it into vector instructions, and compiled for each instruction set.
 
 use pulp::NullaryFnOnce;
+use std::sync::LazyLock;
 
 /// An instruction path of a loop over lanes.
 ///
@@ -39,8 +40,14 @@ impl SimdPath {
 
     /// The fastest path that this processor has.
     pub fn best() -> Self {
-        let available = Self::ALL.into_iter().rev().find(|path| path.is_available());
-        available.unwrap_or(Self::Portable)
+        // Asked once: a loop over a few lanes is over before the question is.
+        static BEST: LazyLock<SimdPath> = LazyLock::new(|| {
+            let mut available = SimdPath::ALL.into_iter().rev();
+            available
+                .find(|path| path.is_available())
+                .unwrap_or(SimdPath::Portable)
+        });
+        *BEST
     }
 
     /// Its name, as users type it.
