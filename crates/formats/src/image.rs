@@ -330,12 +330,22 @@ const LARGEST_RATIO: u64 = 1100;
 ///
 /// [`ImageError`]: another format, another kind of pixel, a damaged or truncated file.
 pub fn decode_frame(bytes: &[u8]) -> Result<Decoded, ImageError> {
+    decode_frame_into(bytes, vec![])
+}
+
+/// The same in the memory of `spare`, as far as samples of 16 bits go: fresh memory costs more
+/// than the samples of a plain file do.
+///
+/// # Errors
+///
+/// As [`decode_frame`].
+pub fn decode_frame_into(bytes: &[u8], spare: Vec<u16>) -> Result<Decoded, ImageError> {
     if let Some(raw) = camera_raw(bytes) {
         return Err(ImageError::CameraRaw(raw));
     }
     match Format::of(bytes) {
-        Some(Format::Tiff) => tiff::decode(bytes),
-        Some(Format::Png) => png::decode(bytes),
+        Some(Format::Tiff) => tiff::decode(bytes, spare),
+        Some(Format::Png) => png::decode(bytes, spare),
         Some(Format::Pnm) => pnm::decode(bytes),
         Some(Format::Exr) => exr::decode(bytes),
         Some(Format::Fits) => fits::decode(bytes),

@@ -1,6 +1,7 @@
 //! What the sensor shows without light.
 
 use crate::error::MergeError;
+use crate::lanes::largest_sample;
 use physics::{Frame, Samples};
 use std::ops::Range;
 
@@ -79,6 +80,11 @@ impl DarkFrame {
         self.exposure_s
     }
 
+    /// The memory of its samples, for the next ones.
+    pub fn into_memory(self) -> Vec<u16> {
+        self.sum.into_memory()
+    }
+
     /// The sum, DN.
     pub(crate) fn sum(&self) -> &Samples {
         &self.sum
@@ -108,6 +114,26 @@ impl DarkFrame {
             for level in into {
                 *level *= per_dark;
             }
+        }
+    }
+
+    /// The largest mean dark of the samples of `range`, DN, none below 0.
+    #[inline(always)]
+    pub(crate) fn largest_mean(&self, range: Range<usize>) -> f32 {
+        let largest = largest_sample(&self.sum, range);
+        if self.count > 1 {
+            largest * (1.0 / self.count as f32)
+        } else {
+            largest
+        }
+    }
+
+    /// The samples as they were stored, where one frame is all there is.
+    #[inline(always)]
+    pub(crate) fn one(&self) -> Option<&[u16]> {
+        match &self.sum {
+            Samples::U16(samples) => Some(samples),
+            Samples::F32(_) => None,
         }
     }
 

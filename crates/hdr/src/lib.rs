@@ -24,6 +24,7 @@ pub mod dark;
 pub mod error;
 pub mod estimate;
 mod hot;
+mod lanes;
 pub mod merge;
 pub mod mosaic;
 mod net;

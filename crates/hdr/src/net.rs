@@ -2,6 +2,7 @@
 
 use crate::dark::{DarkFrame, check_exposure, check_frame, check_size};
 use crate::error::MergeError;
+use crate::lanes::largest_of;
 use physics::Frame;
 
 /// Share of the range from black to white up to which two frames are compared: beyond it many a
@@ -18,11 +19,35 @@ const BAND: usize = 8;
 /// At most so many bands are skipped between two: a small bright spot must not fall between.
 const SKIP: usize = 7;
 
+/// Samples of a row that are passed over together where all are dim.
+const CHUNK: usize = 64;
+
 /// The rows of a frame of this size by which it is compared.
-fn rows((width, height, channels): (usize, usize, usize)) -> impl Iterator<Item = usize> {
+pub(crate) fn rows(
+    (width, height, channels): (usize, usize, usize),
+) -> impl Iterator<Item = usize> {
     let samples = width * height * channels;
     let step = samples.div_ceil(ENOUGH).clamp(1, SKIP + 1);
     (0..height).filter(move |row| (row / BAND).is_multiple_of(step))
+}
+
+/// Memory of frames that were compared, for the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Spare {
+    value: Vec<f32>,
+    dark: Vec<f32>,
+}
+
+impl Spare {
+    /// That of a frame that is needed no more, without its dark.
+    pub(crate) fn take_back(&mut self, net: Net) {
+        self.value = net.value;
+    }
+
+    /// That of the dark of a frame which is to be the shorter one of a pair, of which nobody asks it.
+    pub(crate) fn take_dark(&mut self, net: &mut Net) {
+        self.dark = std::mem::take(&mut net.dark);
+    }
 }
 
 /// A frame less its dark, in DN, and the dark itself, in the rows by which it is compared. A
@@ -33,18 +58,19 @@ pub(crate) struct Net {
     pub(crate) exposure_s: f64,
     /// Row after row of [`rows`].
     value: Vec<f32>,
-    /// Likewise; none once it was [`Self::settled`].
+    /// Likewise; none once it was taken.
     dark: Vec<f32>,
     pub(crate) darks: u32,
 }
 
 impl Net {
-    /// `frame` less `dark`; samples at or above `white_dn` are saturated.
+    /// `frame` less `dark`, in the memory of `spare`; samples at or above `white_dn` are saturated.
     pub(crate) fn new(
         frame: &Frame,
         dark: &DarkFrame,
         exposure_s: f64,
         white_dn: f64,
+        spare: Spare,
     ) -> Result<Self, MergeError> {
         check_exposure(exposure_s)?;
         check_frame(frame)?;
@@ -52,7 +78,12 @@ impl Net {
         let white = white_dn as f32;
         let length = frame.width * frame.channels;
         let samples = length * rows(dark.size()).count();
-        let (mut value, mut level) = (vec![0.0; samples], vec![0.0; samples]);
+        let Spare {
+            mut value,
+            dark: mut level,
+        } = spare;
+        value.resize(samples, 0.0);
+        level.resize(samples, 0.0);
         let into = value
             .chunks_exact_mut(length)
             .zip(level.chunks_exact_mut(length));
@@ -78,16 +109,6 @@ impl Net {
     }
 }
 
-impl Net {
-    /// The same without its dark, for the shorter frame of a pair of which nobody asks that.
-    pub(crate) fn settled(self) -> Self {
-        Self {
-            dark: vec![],
-            ..self
-        }
-    }
-}
-
 /// Two exposures of one scene, sample by sample.
 #[derive(Clone, Copy)]
 pub(crate) struct Pair<'a> {
@@ -109,7 +130,7 @@ pub(crate) struct Both {
     pub(crate) short: f32,
     /// The long frame, DN over dark.
     pub(crate) long: f32,
-    /// The darks of both, DN; 0 for one that is settled.
+    /// The darks of both, DN; 0 for one that was taken.
     pub(crate) darks: [f32; 2],
 }
 
@@ -139,33 +160,47 @@ impl<'a> Pair<'a> {
         self.long.exposure_s / self.short.exposure_s
     }
 
-    /// Hands every sample that both frames measured, with room to the white level, to `each`.
+    /// Hands every sample that both frames measured, with room to the white level, and of which at
+    /// least `dim` DN over dark are expected of the long one, to `each`.
     ///
     /// Which ones these are is judged by the neighbours in the row, never by the sample itself:
     /// a choice by its own noise would bias whatever is made of the chosen.
-    pub(crate) fn for_each(&self, mut each: impl FnMut(Both)) {
+    pub(crate) fn for_each(&self, dim: f32, mut each: impl FnMut(Both)) {
         let (width, _, channels) = self.short.size;
         let length = width * channels;
         let share = (self.long.exposure_s / (self.long.exposure_s + self.short.exposure_s)) as f32;
+        let mut both = vec![0.0_f32; length];
         for (number, row) in rows(self.short.size).enumerate() {
             let here = number * length..(number + 1) * length;
             let short = &self.short.value[here.clone()];
             let long = &self.long.value[here.clone()];
             let short_dark = self.short.dark.get(here.clone()).unwrap_or_default();
             let dark = &self.long.dark[here];
-            let of = |at: usize| short[at] + long[at];
-            for at in channels..length.saturating_sub(channels) {
-                let expected = 0.5 * share * (of(at - channels) + of(at + channels));
-                // NaN fails here as well.
-                if expected + dark[at] <= self.limit_dn && !of(at).is_nan() {
-                    each(Both {
-                        row,
-                        at,
-                        expected,
-                        short: short[at],
-                        long: long[at],
-                        darks: [short_dark.get(at).copied().unwrap_or(0.0), dark[at]],
-                    });
+            for (both, (short, long)) in both.iter_mut().zip(short.iter().zip(long)) {
+                *both = short + long;
+            }
+            let last = length.saturating_sub(channels);
+            for start in (channels..last).step_by(CHUNK) {
+                let end = (start + CHUNK).min(last);
+                // Most of a picture is too dim in most pairs. What a rounding may be off counts.
+                let most = largest_of(&both[start - channels..end + channels]);
+                if 1.000_01 * share * most < dim {
+                    continue;
+                }
+                for at in start..end {
+                    let expected = 0.5 * share * (both[at - channels] + both[at + channels]);
+                    // NaN fails here as well.
+                    if expected >= dim && expected + dark[at] <= self.limit_dn && !both[at].is_nan()
+                    {
+                        each(Both {
+                            row,
+                            at,
+                            expected,
+                            short: short[at],
+                            long: long[at],
+                            darks: [short_dark.get(at).copied().unwrap_or(0.0), dark[at]],
+                        });
+                    }
                 }
             }
         }

@@ -10,7 +10,7 @@ mod shift;
 use crate::dark::DarkFrame;
 use crate::error::MergeError;
 use crate::estimate::Estimate;
-use crate::net::{Net, Pair};
+use crate::net::{Net, Pair, Spare};
 use physics::{Frame, Sensor};
 use shift::Blocks;
 
@@ -89,6 +89,8 @@ pub struct Overlap {
     black_dn: f64,
     white_dn: f64,
     previous: Option<Net>,
+    spare: Spare,
+    blocks: Option<Blocks>,
     exposures_s: Vec<f64>,
     links: Vec<Link>,
 }
@@ -100,6 +102,8 @@ impl Overlap {
             black_dn: sensor.black_level_dn,
             white_dn: sensor.white_level_dn,
             previous: None,
+            spare: Spare::default(),
+            blocks: None,
             exposures_s: vec![],
             links: vec![],
         }
@@ -116,13 +120,21 @@ impl Overlap {
         dark: &DarkFrame,
         exposure_s: f64,
     ) -> Result<(), MergeError> {
-        let net = Net::new(frame, dark, exposure_s, self.white_dn)?;
-        if let Some(previous) = &self.previous {
-            let pair = Pair::new(previous, &net, self.black_dn, self.white_dn)?;
-            self.links.push(link(&pair, self.black_dn, self.white_dn));
+        let mut spare = std::mem::take(&mut self.spare);
+        if let Some(previous) = &mut self.previous {
+            spare.take_dark(previous);
+        }
+        let net = Net::new(frame, dark, exposure_s, self.white_dn, spare)?;
+        if let Some(previous) = self.previous.take() {
+            let pair = Pair::new(&previous, &net, self.black_dn, self.white_dn)?;
+            let blocks = self.blocks.get_or_insert_with(|| Blocks::new(net.size));
+            blocks.clear();
+            self.links
+                .push(link(&pair, blocks, self.black_dn, self.white_dn));
+            self.spare.take_back(previous);
         }
         self.exposures_s.push(exposure_s);
-        self.previous = Some(net.settled());
+        self.previous = Some(net);
         Ok(())
     }
 
@@ -297,15 +309,12 @@ pub fn u_between(a: &Comparison, b: &Comparison) -> f64 {
 }
 
 /// Ratio and shift of a pair, in one pass over its samples.
-fn link(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Link {
+fn link(pair: &Pair<'_>, blocks: &mut Blocks, black_dn: f64, white_dn: f64) -> Link {
     let mut sums = Sums::default();
-    let mut blocks = Blocks::new(pair.short.size);
     let dim = dim(black_dn, white_dn);
-    pair.for_each(|both| {
-        if both.expected >= dim {
-            sums.add(both.short, both.long);
-            blocks.add(&both);
-        }
+    pair.for_each(dim, |both| {
+        sums.add(both.short, both.long);
+        blocks.add(&both);
     });
     let nominal = pair.nominal_ratio();
     let ratio = sums.ratio();
@@ -323,11 +332,7 @@ fn link(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Link {
 pub(crate) fn ratio(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Option<f64> {
     let mut sums = Sums::default();
     let dim = dim(black_dn, white_dn);
-    pair.for_each(|both| {
-        if both.expected >= dim {
-            sums.add(both.short, both.long);
-        }
-    });
+    pair.for_each(dim, |both| sums.add(both.short, both.long));
     sums.ratio().map(|r| r.value)
 }
 

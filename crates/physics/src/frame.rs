@@ -63,6 +63,14 @@ impl Samples {
         all
     }
 
+    /// The memory of samples of 16 bits, for the next ones; none of others.
+    pub fn into_memory(self) -> Vec<u16> {
+        match self {
+            Self::U16(samples) => samples,
+            Self::F32(_) => vec![],
+        }
+    }
+
     /// Variance that rounding to whole numbers adds, DN².
     pub fn rounding_variance(&self) -> f64 {
         match self {

@@ -97,6 +97,21 @@ pub struct Merged {
     pub uses_measured: bool,
 }
 
+/// Memory in which one file after another is read and unpacked: fresh pages cost more than all
+/// that is done with the samples of a plain file.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    bytes: Vec<u8>,
+    samples: Vec<u16>,
+}
+
+impl Room {
+    /// Takes the memory of a frame that has served.
+    pub(crate) fn take_back(&mut self, frame: Frame) {
+        self.samples = frame.samples.into_memory();
+    }
+}
+
 /// A file of a frame and what it says.
 struct ReadFrame {
     decoded: Decoded,
@@ -383,37 +398,38 @@ impl Loaded {
         let mut inputs = Vec::with_capacity(frames.len() + darks.len());
         let mut seen = Consistency::default();
         let mut dark: Option<DarkFrame> = None;
-        let mut buffers = [vec![], vec![]];
+        let mut rooms = [Room::default(), Room::default()];
         let mut sample_count = 0;
         for (index, entry) in by_exposure(frames).into_iter().enumerate() {
             monitor.check()?;
-            let [first, second] = &mut buffers;
+            let [first, second] = &mut rooms;
             // Frames of one exposure share their dark.
             let frame = if dark
                 .as_ref()
                 .is_none_or(|d| d.exposure_s() != entry.exposure_s)
             {
-                // Room for the new one.
-                drop(dark.take());
+                first.samples = dark.take().map_or(vec![], DarkFrame::into_memory);
                 let mut make_dark =
                     || self.dark(entry, darks, &mut inputs, &mut seen, first, monitor);
                 // To unpack a file keeps one thread busy, and its bytes are few. Plain ones come as
                 // fast as memory is, and there may not be room for the bytes of two.
                 let (new, frame) = if self.is_packed(entry, sample_count) {
-                    rayon::join(make_dark, || self.read(entry, second))
+                    let Room { bytes, samples } = second;
+                    rayon::join(make_dark, || self.read(entry, bytes, samples))
                 } else {
                     let new = make_dark();
-                    (new, self.read(entry, first))
+                    (new, self.read(entry, &mut first.bytes, &mut second.samples))
                 };
                 dark = Some(new?);
                 frame
             } else {
-                self.read(entry, first)
+                self.read(entry, &mut first.bytes, &mut second.samples)
             };
             let frame = self.take(entry, frame?, &mut inputs, &mut seen)?;
             sample_count = frame.samples.len();
             let dark = dark.as_ref().expect("it was made just above");
             each(entry, &frame, dark, index)?;
+            second.take_back(frame);
             monitor.step();
         }
         Ok((inputs, seen))
@@ -437,15 +453,19 @@ impl Loaded {
         darks: &[FrameEntry],
         inputs: &mut Vec<Input>,
         seen: &mut Consistency,
-        buffer: &mut Vec<u8>,
+        room: &mut Room,
         monitor: &dyn Monitor,
     ) -> Result<DarkFrame> {
         let mut sum: Option<DarkFrame> = None;
         for dark in darks.iter().filter(|d| d.same_exposure(entry)) {
-            let frame = self.take(dark, self.read(dark, buffer)?, inputs, seen)?;
+            let read = self.read(dark, &mut room.bytes, &mut room.samples)?;
+            let frame = self.take(dark, read, inputs, seen)?;
             let place = self.place(&dark.file);
             match &mut sum {
-                Some(sum) => sum.add(&frame).input(place)?,
+                Some(sum) => {
+                    sum.add(&frame).input(place)?;
+                    room.take_back(frame);
+                }
                 none => *none = Some(DarkFrame::of(frame, entry.exposure_s).input(place)?),
             }
             monitor.step();
@@ -458,16 +478,18 @@ impl Loaded {
 
     /// What the file of `entry` holds, whatever its counts mean.
     pub(crate) fn decoded(&self, entry: &FrameEntry) -> Result<Decoded> {
-        Ok(self.read(entry, &mut vec![])?.decoded)
+        Ok(self.read(entry, &mut vec![], &mut vec![])?.decoded)
     }
 
     pub(crate) fn frame(
         &self,
         entry: &FrameEntry,
+        room: &mut Room,
         inputs: &mut Vec<Input>,
         seen: &mut Consistency,
     ) -> Result<Frame> {
-        self.take(entry, self.read(entry, &mut vec![])?, inputs, seen)
+        let read = self.read(entry, &mut room.bytes, &mut room.samples)?;
+        self.take(entry, read, inputs, seen)
     }
 
     /// Whether the file of `entry` is shorter than 16-bit samples are, of which it may hold
@@ -477,13 +499,19 @@ impl Loaded {
         length < 2 * sample_count as u64
     }
 
-    /// Reads the file of `entry` by way of `buffer`.
-    fn read(&self, entry: &FrameEntry, buffer: &mut Vec<u8>) -> Result<ReadFrame> {
+    /// Reads the file of `entry` by way of `bytes` and, where that serves, into `samples`.
+    fn read(
+        &self,
+        entry: &FrameEntry,
+        bytes: &mut Vec<u8>,
+        samples: &mut Vec<u16>,
+    ) -> Result<ReadFrame> {
         let path = self.folder.join(&entry.file);
-        files::read_into(&path, buffer)?;
-        let bytes = buffer.as_slice();
+        files::read_into(&path, bytes)?;
+        let bytes = bytes.as_slice();
+        let spare = std::mem::take(samples);
         let (read, input) = rayon::join(
-            || read_frame(bytes, &path),
+            || read_frame(bytes, &path, spare),
             || Input::new(&path, &entry.file, bytes),
         );
         let (decoded, metadata) = read?;

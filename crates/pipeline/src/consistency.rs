@@ -7,6 +7,9 @@ use formats::{Decoded, Depth};
 use physics::{Mosaic, Samples};
 use std::collections::BTreeMap;
 
+/// The largest count of 14 bits, the most that is looked for in files of 16.
+const MOST_PACKED: u16 = 16383;
+
 /// Watches the frames of a set as they are read.
 #[derive(Debug, Default)]
 pub(crate) struct Consistency {
@@ -115,7 +118,10 @@ impl Consistency {
         if let Some(white) = decoded.white_level_dn {
             self.white_level_dn = Some(self.white_level_dn.map_or(white, |least| least.min(white)));
         }
-        if let Samples::U16(samples) = &decoded.frame.samples {
+        // A count that is odd and one beyond 14 bits leave nothing more to say.
+        if let Samples::U16(samples) = &decoded.frame.samples
+            && (self.bits & 1 == 0 || self.largest <= MOST_PACKED)
+        {
             for sample in samples {
                 self.bits |= sample;
                 self.largest = self.largest.max(*sample);
@@ -180,7 +186,7 @@ impl Consistency {
             }
             // A longest exposure that stops at the end of 10, 12 or 14 bits is saturated there.
             let full = f64::from(self.largest) + 1.0;
-            if matches!(self.largest, 1023 | 4095 | 16383) && white_level_dn >= full {
+            if matches!(self.largest, 1023 | 4095 | MOST_PACKED) && white_level_dn >= full {
                 notes.push(format!(
                     "the largest count is {}, the end of {} bits, and camera.white_level_dn = \
                      {white_level_dn}: saturated samples may have been taken for measured ones",

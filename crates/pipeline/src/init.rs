@@ -134,7 +134,7 @@ impl Init {
     fn add(&mut self, folder: &Path, name: &str) -> Result<()> {
         let path = folder.join(name);
         let bytes = files::read(&path)?;
-        let (decoded, metadata) = match read_frame(&bytes, Path::new(name)) {
+        let (decoded, metadata) = match read_frame(&bytes, Path::new(name), vec![]) {
             Ok(read) => read,
             Err(error) => {
                 self.unknown.push(format!("left out: {error}"));

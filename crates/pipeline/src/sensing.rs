@@ -1,6 +1,6 @@
 //! The numbers of the camera: as the manifest states them, or as the frames show them.
 
-use crate::capture::{Loaded, Subject, by_exposure};
+use crate::capture::{Loaded, Room, Subject, by_exposure};
 use crate::consistency::Consistency;
 use crate::error::{Blame, Result};
 use crate::monitor::Monitor;
@@ -186,9 +186,11 @@ impl Loaded {
             a.exposure_s.total_cmp(&b.exposure_s).then(by_file)
         });
         entries.dedup_by(|a, b| a.file == b.file);
+        let mut room = Room::default();
         for entry in entries {
             monitor.check()?;
-            let frame = self.frame(entry, &mut vec![], &mut Consistency::default())?;
+            let mut seen = Consistency::default();
+            let frame = self.frame(entry, &mut room, &mut vec![], &mut seen)?;
             darks
                 .add(frame, entry.exposure_s)
                 .input(self.place(&entry.file))?;
@@ -205,6 +207,7 @@ impl Loaded {
     ) -> Result<(Option<Estimate>, Option<f64>)> {
         let mut white = White::new(black_dn);
         let mut seen = [Consistency::default(), Consistency::default()];
+        let mut room = Room::default();
         for (subject, seen) in [Subject::Sample, Subject::Reference]
             .into_iter()
             .zip(&mut seen)
@@ -212,10 +215,11 @@ impl Loaded {
             white.restart();
             for entry in by_exposure(self.entries(subject).0) {
                 monitor.check()?;
-                let frame = self.frame(entry, &mut vec![], seen)?;
+                let frame = self.frame(entry, &mut room, &mut vec![], seen)?;
                 white
                     .add(&frame, entry.exposure_s)
                     .input(self.place(&entry.file))?;
+                room.take_back(frame);
                 monitor.step();
             }
         }

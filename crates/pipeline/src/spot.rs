@@ -29,7 +29,7 @@ pub struct Spot {
 /// The frame cannot be read, or shows no spot.
 pub fn of_frame(path: &Path) -> Result<(Vec<Spot>, Input)> {
     let bytes = files::read(path)?;
-    let (decoded, _) = read_frame(&bytes, path)?;
+    let (decoded, _) = read_frame(&bytes, path, vec![])?;
     let mosaic = decoded.mosaic;
     let frame = decoded.linear(true).input(path.display())?;
     let map = match mosaic {

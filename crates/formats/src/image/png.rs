@@ -5,7 +5,7 @@ use physics::Frame;
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
 use std::io::{Cursor, Write};
 
-pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
+pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, ImageError> {
     let mut reader = Decoder::new(Cursor::new(bytes)).read_info()?;
     let info = reader.info();
     let channels = match info.color_type {
@@ -35,7 +35,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let (width, height) = (info.width, info.height);
     let size = [width, height, channels];
     let count = sample_count(size, bytes.len() as u64, LARGEST_RATIO, bits)?;
-    let mut samples = Vec::with_capacity(count);
+    spare.clear();
+    spare.reserve_exact(count);
+    let mut samples = spare;
     let mut widen = |stored: &[u8]| {
         if bits == 16 {
             let (pairs, _) = stored.as_chunks::<2>();

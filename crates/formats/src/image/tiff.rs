@@ -18,7 +18,7 @@ type Reader<'a> = Decoder<Patched<'a>>;
 /// Photometric interpretation of the mosaic of a colour filter array.
 pub(super) const CFA: u16 = 32803;
 
-pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
+pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, ImageError> {
     if let Some(needed) = beyond_the_end(bytes) {
         let found = bytes.len() as u64;
         return Err(ImageError::Truncated { needed, found });
@@ -59,14 +59,20 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let samples = if is_packed(depth) {
         let size = [width, height, channels].map(|n| n as usize);
         packed(&mut reader, bytes, bits as usize, size, planar)?.into()
-    } else if let Some(samples) = plain(&mut reader, bytes, (ratio, depth, planar), count)? {
-        Samples::U16(samples)
+    } else if plain(
+        &mut reader,
+        bytes,
+        (ratio, depth, planar),
+        count,
+        &mut spare,
+    )? {
+        Samples::U16(spare)
     } else {
         let mut limits = Limits::default();
         limits.decoding_buffer_size = count * bits as usize / 8;
         limits.intermediate_buffer_size = bytes.len();
         reader = reader.with_limits(limits);
-        let mut result = DecodingResult::U16(vec![]);
+        let mut result = DecodingResult::U16(spare);
         reader.read_image_to_buffer(&mut result)?;
         // The decoder leaves planes out rather than exceed its limits.
         match result {
@@ -185,28 +191,30 @@ fn packed(
 }
 
 /// Uncompressed 16-bit samples in strips, as most cameras write them: what the decoder makes of
-/// them too, in a third of the time. `None` where there is anything more to it.
+/// them too, in a third of the time, into `samples`. `false` where there is anything more to it.
 fn plain(
     reader: &mut Reader<'_>,
     bytes: &[u8],
     (ratio, depth, planar): (u64, Depth, bool),
     count: usize,
-) -> Result<Option<Vec<u16>>, ImageError> {
+    samples: &mut Vec<u16>,
+) -> Result<bool, ImageError> {
     let in_strips = reader.find_tag(Tag::TileWidth)?.is_none();
     let straight = tag(reader, Tag::Predictor, 1)? == 1;
     if ratio != 1 || depth != Depth::Bits(16) || planar || !in_strips || !straight {
-        return Ok(None);
+        return Ok(false);
     }
     let offsets = reader.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?;
     let counts = reader.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?;
     let (Some(offsets), Some(counts)) = (offsets, counts) else {
-        return Ok(None);
+        return Ok(false);
     };
     let (_, height) = reader.dimensions()?;
     let row_bytes = 2 * count / (height as usize).max(1);
     let rows = reader.find_tag_unsigned::<u32>(Tag::RowsPerStrip)?;
     let rows = rows.map_or(height, |rows| rows.clamp(1, height.max(1)));
-    let mut samples = Vec::with_capacity(count);
+    samples.clear();
+    samples.reserve_exact(count);
     let mut strips = offsets.into_iter().zip(counts);
     for first in (0..height).step_by(rows as usize) {
         let needed = rows.min(height - first) as usize * row_bytes;
@@ -220,7 +228,7 @@ fn plain(
         });
         // What is short is the decoder's to judge.
         let Some(strip) = strip else {
-            return Ok(None);
+            return Ok(false);
         };
         let (pairs, _) = strip.as_chunks::<2>();
         if bytes.starts_with(b"II") {
@@ -229,7 +237,7 @@ fn plain(
             samples.extend(pairs.iter().map(|pair| u16::from_be_bytes(*pair)));
         }
     }
-    Ok(Some(samples))
+    Ok(true)
 }
 
 fn tag(reader: &mut Reader<'_>, tag: Tag, default: u16) -> Result<u16, ImageError> {

@@ -3,7 +3,7 @@
 use super::{Estimate, clipped_moments};
 use crate::dark::DarkFrame;
 use crate::error::EstimateError;
-use crate::net::{Net, Pair};
+use crate::net::{Net, Pair, Spare};
 use crate::overlap;
 use physics::Frame;
 use std::f64::consts::PI;
@@ -92,7 +92,7 @@ impl Transfer {
         dark: &DarkFrame,
         exposure_s: f64,
     ) -> Result<(), EstimateError> {
-        let net = Net::new(frame, dark, exposure_s, self.white_dn)?;
+        let net = Net::new(frame, dark, exposure_s, self.white_dn, Spare::default())?;
         if let Some(previous) = &self.previous {
             let pair = Pair::new(previous, &net, self.black_dn, self.white_dn)?;
             let points = points(&pair, self.black_dn, self.white_dn);
@@ -128,7 +128,7 @@ fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
         1.0 + 1.0 / f64::from(pair.short.darks),
         1.0 + 1.0 / f64::from(pair.long.darks),
     );
-    pair.for_each(|both| {
+    pair.for_each(f32::NEG_INFINITY, |both| {
         let octaves = (both.expected / FIRST_DN).max(1.0).log2();
         let bin = (PER_OCTAVE * octaves).ceil() as usize;
         if bins.len() <= bin {

@@ -2,11 +2,14 @@
 
 use super::sets::Tables;
 use crate::dark::DarkFrame;
+use crate::lanes::{largest_of, largest_sample};
 use physics::Samples;
 use pulp::NullaryFnOnce;
+use std::ops::Range;
 
-/// Samples of a row that are handled together where they belong to one set, as most do.
-const CHUNK: usize = 64;
+/// Samples of a row that are handled together where they belong to one set, as most do: as many as
+/// a number has bits.
+const CHUNK: usize = u64::BITS as usize;
 
 /// How samples of one channel lie in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +49,18 @@ pub(super) struct Rows<'a> {
     pub(super) set: &'a [u16],
 }
 
+impl<'a> Rows<'a> {
+    /// Row `number`, of `length` samples, where there is one.
+    #[inline(always)]
+    fn row(self, number: usize, length: usize) -> Option<Self> {
+        let at = number * length..(number + 1) * length;
+        Some(Self {
+            sum: self.sum.get(at.clone())?,
+            set: self.set.get(at)?,
+        })
+    }
+}
+
 /// What a block of rows says of a frame.
 pub(super) struct Outcome {
     /// Samples used, per channel.
@@ -70,199 +85,80 @@ pub(super) struct Block<'s, 'a> {
     pub(super) below: Option<Rows<'s>>,
 }
 
-/// Estimates of a row, DN/s, and whether there are any (1 or 0), with a margin at both ends.
+/// What is known of a row without a look at each of its samples.
 #[derive(Clone)]
-struct Estimates {
-    value: Vec<f32>,
-    present: Vec<f32>,
-    /// The largest value of each chunk, none below 0.
-    largest: Vec<f32>,
+struct Bounds {
+    /// The largest estimate of each chunk, DN/s, none below 0.
+    estimate: Vec<f32>,
+    /// The largest sample of each chunk, DN, none below 0.
+    sample: Vec<f32>,
 }
 
-/// Over three rows: sums of estimates and of whether there are any, and the largest sample.
-struct Columns {
-    value: Vec<f32>,
-    present: Vec<f32>,
-    full: Vec<f32>,
-}
-
-/// Samples of a row of the frame, with a margin at both ends.
-#[derive(Clone)]
-struct Seen {
-    value: Vec<f32>,
-    /// The largest value of each chunk, none below 0.
-    largest: Vec<f32>,
-}
-
-impl Seen {
-    /// Takes row number `y`; what lies outside the frame is dark.
-    #[inline(always)]
-    fn load(&mut self, step: &Step<'_>, y: Option<usize>) {
-        let Layout { row, right, .. } = step.layout;
-        let value = &mut self.value[right..][..row];
-        match y.filter(|y| (y + 1) * row <= step.samples.len()) {
-            Some(y) => step.samples.copy_to(y * row..(y + 1) * row, value),
-            None => value.fill(0.0),
-        }
-        for (chunk, largest) in value.chunks(CHUNK).zip(&mut self.largest) {
-            *largest = largest_of(chunk);
-        }
-    }
+/// Three rows over the reach of a chunk: from the left neighbour of its first sample to the right
+/// one of its last. What lies outside the frame is empty and dark.
+struct Reach {
+    /// Estimates, DN/s.
+    value: [Vec<f32>; 3],
+    /// Whether there are any, 1 or 0.
+    present: [Vec<f32>; 3],
+    /// Samples of the frame, DN.
+    seen: [Vec<f32>; 3],
+    /// Over the three rows: sums of estimates and of whether there are any, and the largest sample.
+    column: [Vec<f32>; 3],
 }
 
 impl NullaryFnOnce for Block<'_, '_> {
     type Output = Outcome;
 
     #[inline(always)]
-    fn call(self) -> Outcome {
-        let Self {
-            step,
-            first,
-            sum,
-            set,
-            above,
-            below,
-        } = self;
+    fn call(mut self) -> Outcome {
         let Layout {
             row,
             channels,
             right,
             down,
-        } = step.layout;
-        let count = sum.len() / row;
+        } = self.step.layout;
+        let count = self.sum.len() / row;
+        let chunks = row.div_ceil(CHUNK);
         let mut outcome = Outcome {
             used: vec![0; channels],
-            of_set: vec![0; step.tables.len()],
+            of_set: vec![0; self.step.tables.len()],
             warm: vec![],
         };
-        let empty = Estimates {
-            value: vec![0.0; row + 2 * right],
-            present: vec![0.0; row + 2 * right],
-            largest: vec![0.0; row.div_ceil(CHUNK)],
+        let unknown = Bounds {
+            estimate: vec![0.0; chunks],
+            sample: vec![0.0; chunks],
         };
-        // Rows y − down to y + down; what lies outside the frame is empty.
-        let mut window = vec![empty; 2 * down + 1];
-        let mut column = Columns {
-            value: vec![0.0; row + 2 * right],
-            present: vec![0.0; row + 2 * right],
-            full: vec![0.0; row + 2 * right],
-        };
-        let unseen = Seen {
-            value: vec![0.0; row + 2 * right],
-            largest: vec![0.0; row.div_ceil(CHUNK)],
-        };
-        let mut seen = vec![unseen; 2 * down + 1];
-        for (k, seen) in seen.iter_mut().enumerate().skip(1) {
-            // One row up: the loop takes the next before it looks.
-            seen.load(step, (first + k).checked_sub(down + 1));
+        // Rows y − down to y + down, row y at y mod their number.
+        let around = 2 * down + 1;
+        let mut bounds = vec![unknown; around];
+        for ahead in 0..2 * down {
+            self.bound(ahead, &mut bounds[ahead % around]);
         }
-        let mut dark = vec![0.0; row];
-        let mut weight = vec![0.0; row];
-        if let Some(above) = above {
-            let rows = above.sum.len() / row;
-            for k in 0..rows {
-                let at = k * row..(k + 1) * row;
-                let to = &mut window[down - rows + k + 1];
-                estimate(
-                    &above.sum[at.clone()],
-                    &above.set[at],
-                    step.tables,
-                    right,
-                    to,
-                );
+        // Which samples count, a bit each, of the rows that wait to be added: those below still ask what
+        // they were before.
+        let mut weights = vec![vec![0_u64; chunks]; down + 1];
+        let wide = || [(); 3].map(|()| vec![0.0; CHUNK + 2 * right]);
+        let mut reach = Reach {
+            value: wide(),
+            present: wide(),
+            seen: wide(),
+            column: wide(),
+        };
+        for y in 0..count + down {
+            if y < count {
+                let next = y + 2 * down;
+                self.bound(next, &mut bounds[next % around]);
+                let three = [y, y + down, next].map(|row| &bounds[row % around]);
+                let weight = &mut weights[y % (down + 1)];
+                self.weigh(y, three, &mut reach, weight, &mut outcome.warm);
             }
-        }
-        for k in 0..down.min(count) {
-            let at = k * row..(k + 1) * row;
-            let to = &mut window[down + 1 + k];
-            estimate(&sum[at.clone()], &set[at], step.tables, right, to);
-        }
-        for y in 0..count {
-            window.rotate_left(1);
-            let last = &mut window[2 * down];
-            let next = y + down;
-            if next < count {
-                let at = next * row..(next + 1) * row;
-                estimate(&sum[at.clone()], &set[at], step.tables, right, last);
-            } else {
-                let at = (next - count) * row..(next - count + 1) * row;
-                match below.filter(|below| at.end <= below.sum.len()) {
-                    Some(below) => {
-                        estimate(
-                            &below.sum[at.clone()],
-                            &below.set[at],
-                            step.tables,
-                            right,
-                            last,
-                        );
-                    }
-                    None => {
-                        last.value.fill(0.0);
-                        last.present.fill(0.0);
-                        last.largest.fill(0.0);
-                    }
-                }
+            if let Some(done) = y.checked_sub(down) {
+                self.add(done, &weights[done % (down + 1)], &mut outcome);
             }
-            let here = (first + y) * row..(first + y + 1) * row;
-            seen.rotate_left(1);
-            seen[2 * down].load(step, Some(first + y + down));
-            step.dark.copy_mean_to(here.clone(), &mut dark);
-            let three = [&window[0], &window[down], &window[2 * down]];
-            let seen = [&seen[0], &seen[down], &seen[2 * down]];
-            step.weigh(three, &mut column, seen, &dark, &mut weight);
-            let at = y * row..(y + 1) * row;
-            step.add(
-                &seen[1].value[right..][..row],
-                &dark,
-                &mut weight,
-                &mut sum[at.clone()],
-                &mut set[at],
-                &mut outcome,
-            );
-            step.find_warm(here.start, &dark, &mut outcome.warm);
         }
         outcome
     }
-}
-
-/// Fills the estimates of a row.
-#[inline(always)]
-fn estimate(sum: &[f32], set: &[u16], tables: &Tables, right: usize, into: &mut Estimates) {
-    let value = &mut into.value[right..][..sum.len()];
-    let present = &mut into.present[right..][..sum.len()];
-    let sums = sum.chunks(CHUNK).zip(set.chunks(CHUNK));
-    let targets = value.chunks_mut(CHUNK).zip(present.chunks_mut(CHUNK));
-    for (((sum, set), (value, present)), largest) in sums.zip(targets).zip(&mut into.largest) {
-        if let Some(set) = only(set) {
-            let per_time = tables.per_time[usize::from(set)];
-            for (value, sum) in value.iter_mut().zip(sum) {
-                *value = sum * per_time;
-            }
-            present.fill(if per_time > 0.0 { 1.0 } else { 0.0 });
-        } else {
-            for i in 0..sum.len() {
-                let per_time = tables.per_time[usize::from(set[i])];
-                value[i] = sum[i] * per_time;
-                present[i] = if per_time > 0.0 { 1.0 } else { 0.0 };
-            }
-        }
-        *largest = largest_of(value);
-    }
-}
-
-/// The largest of `values`, or 0 where all are below. In lanes, since the compiler may not
-/// reorder maxima by itself.
-#[inline(always)]
-fn largest_of(values: &[f32]) -> f32 {
-    let mut lanes = [0.0_f32; 16];
-    let (blocks, rest) = values.as_chunks::<16>();
-    for block in blocks {
-        for (lane, value) in lanes.iter_mut().zip(block) {
-            *lane = if *value > *lane { *value } else { *lane };
-        }
-    }
-    let all = lanes.iter().chain(rest);
-    all.fold(0.0, |most, value| if *value > most { *value } else { most })
 }
 
 /// The number that all of `set` are, if they are.
@@ -273,8 +169,75 @@ fn only(set: &[u16]) -> Option<u16> {
     (differs == 0).then_some(first)
 }
 
-impl Step<'_> {
-    /// Which samples of a row count: 1 or 0 into `weight`.
+/// Bits of the first `n` samples of a chunk.
+#[inline(always)]
+fn all_of(n: usize) -> u64 {
+    u64::MAX >> (CHUNK - n)
+}
+
+impl Block<'_, '_> {
+    /// Sums and sets, before this frame, of the row that is number `ahead` from the first of those
+    /// above the block, where it has one.
+    #[inline(always)]
+    fn before(&self, ahead: usize) -> Option<Rows<'_>> {
+        let Layout { row, down, .. } = self.step.layout;
+        let count = self.sum.len() / row;
+        match ahead.checked_sub(down) {
+            None => {
+                let above = self.above?;
+                above.row((ahead + above.sum.len() / row).checked_sub(down)?, row)
+            }
+            Some(y) if y < count => {
+                let own = Rows {
+                    sum: self.sum,
+                    set: self.set,
+                };
+                own.row(y, row)
+            }
+            Some(y) => self.below?.row(y - count, row),
+        }
+    }
+
+    /// Where the samples of the row that is number `ahead` from `down` rows above the block begin,
+    /// where there is such a row.
+    #[inline(always)]
+    fn start(&self, ahead: usize) -> Option<usize> {
+        let Layout { row, down, .. } = self.step.layout;
+        let start = (self.first + ahead).checked_sub(down)? * row;
+        (start + row <= self.step.samples.len()).then_some(start)
+    }
+
+    /// Fills the bounds of the row that is number `ahead` from `down` rows above the block.
+    #[inline(always)]
+    fn bound(&self, ahead: usize, into: &mut Bounds) {
+        match self.before(ahead) {
+            Some(Rows { sum, set }) => {
+                let chunks = sum.chunks(CHUNK).zip(set.chunks(CHUNK));
+                for ((sum, set), largest) in chunks.zip(&mut into.estimate) {
+                    let per_time = &self.step.tables.per_time;
+                    *largest = match only(set) {
+                        Some(set) => largest_of(sum) * per_time[usize::from(set)],
+                        None => sum.iter().zip(set).fold(0.0, |most: f32, (sum, set)| {
+                            most.max(sum * per_time[usize::from(*set)])
+                        }),
+                    };
+                }
+            }
+            None => into.estimate.fill(0.0),
+        }
+        match self.start(ahead) {
+            Some(first) => {
+                let row = self.step.layout.row;
+                for (largest, start) in into.sample.iter_mut().zip((0..row).step_by(CHUNK)) {
+                    let end = (start + CHUNK).min(row);
+                    *largest = largest_sample(self.step.samples, first + start..first + end);
+                }
+            }
+            None => into.sample.fill(0.0),
+        }
+    }
+
+    /// Which samples of row `y` of the block count, a bit each into `weight`, and which are warm.
     ///
     /// The mean of a sample's eight neighbours predicts it, and its own estimate is left out on
     /// purpose. A frame is dropped where its prediction is too bright; were the pixel's own noise
@@ -287,154 +250,202 @@ impl Step<'_> {
     #[inline(always)]
     fn weigh(
         &self,
-        [above, middle, below]: [&Estimates; 3],
-        column: &mut Columns,
-        seen: [&Seen; 3],
-        dark: &[f32],
-        weight: &mut [f32],
+        y: usize,
+        bounds: [&Bounds; 3],
+        reach: &mut Reach,
+        weight: &mut [u64],
+        warm: &mut Vec<(usize, f32)>,
     ) {
-        let right = self.layout.right;
-        let n = dark.len();
-        let last = middle.largest.len() - 1;
-        for (chunk, start) in (0..n).step_by(CHUNK).enumerate() {
-            let end = (start + CHUNK).min(n);
-            let dark = &dark[start..end];
-            let weight = &mut weight[start..end];
+        let step = self.step;
+        let Layout { row, channels, .. } = step.layout;
+        let first = (self.first + y) * row;
+        let least_warm = step.warm.iter().copied().fold(f32::INFINITY, f32::min);
+        let last = weight.len() - 1;
+        for (chunk, weight) in weight.iter_mut().enumerate() {
+            let start = chunk * CHUNK;
+            let end = (start + CHUNK).min(row);
+            let dark_most = step.dark.largest_mean(first + start..first + end);
+            if dark_most > least_warm {
+                let mut dark = [0.0; CHUNK];
+                let dark = &mut dark[..end - start];
+                step.dark.copy_mean_to(first + start..first + end, dark);
+                for (at, level) in (first + start..).zip(dark) {
+                    if *level > step.warm[at % channels] {
+                        warm.push((at, *level));
+                    }
+                }
+            }
             // Most of a picture is far below the limit in most frames, and then no mean of
             // neighbours can be above it.
             let beside = chunk.saturating_sub(1)..=(chunk + 1).min(last);
-            let brightest = [above, middle, below]
-                .into_iter()
-                .flat_map(|row| &row.largest[beside.clone()])
-                .fold(0.0, |most: f32, value| most.max(*value));
+            let (mut brightest, mut largest) = (0.0_f32, 0.0_f32);
+            for row in bounds {
+                for chunk in beside.clone() {
+                    brightest = brightest.max(row.estimate[chunk]);
+                    largest = largest.max(row.sample[chunk]);
+                }
+            }
             // What a rounding may be off counts for the limit.
-            let most = 1.000_01 * brightest * self.exposure + largest_of(dark);
-            let largest = seen
-                .into_iter()
-                .flat_map(|row| &row.largest[beside.clone()])
-                .fold(0.0, |most: f32, value| most.max(*value));
-            if most <= 0.999_99 * self.neighbours_limit && largest < self.white {
-                weight.fill(1.0);
-                continue;
-            }
-            // From the left neighbour of the first sample to the right one of the last.
-            let reach = start..end + 2 * right;
-            let rows = [above, middle, below];
-            let [a, b, c] = rows.map(|row| &row.value[reach.clone()]);
-            let e = &mut column.value[..reach.len()];
-            for (i, sum) in e.iter_mut().enumerate() {
-                *sum = a[i] + b[i] + c[i];
-            }
-            let own = &b[right..];
-            let [a, b, c] = rows.map(|row| &row.present[reach.clone()]);
-            let p = &mut column.present[..reach.len()];
-            for (i, sum) in p.iter_mut().enumerate() {
-                *sum = a[i] + b[i] + c[i];
-            }
-            let own_present = &b[right..];
-            let full = &mut column.full[..reach.len()];
-            let [a, b, c] = seen.map(|row| &row.value[reach.clone()]);
-            for (i, most) in full.iter_mut().enumerate() {
-                let above = if a[i] > b[i] { a[i] } else { b[i] };
-                *most = if c[i] > above { c[i] } else { above };
-            }
-            let (f1, f2) = (&full[right..], &full[2 * right..]);
-            let (e1, e2) = (&e[right..], &e[2 * right..]);
-            let (p1, p2) = (&p[right..], &p[2 * right..]);
-            for i in 0..weight.len() {
-                let sum = e[i] + e1[i] + e2[i] - own[i];
-                let count = (p[i] + p1[i] + p2[i] - own_present[i]).max(1.0);
-                let room = self.neighbours_limit - dark[i];
-                let good = (full[i] < self.white)
-                    & (f1[i] < self.white)
-                    & (f2[i] < self.white)
-                    & (sum * self.exposure <= room * count)
-                    & (own[i] * self.exposure <= self.own_limit - dark[i]);
-                weight[i] = if good { 1.0 } else { 0.0 };
-            }
+            let most = 1.000_01 * brightest * step.exposure + dark_most;
+            *weight = if most <= 0.999_99 * step.neighbours_limit && largest < step.white {
+                all_of(end - start)
+            } else {
+                self.weigh_each(y, start..end, reach)
+            };
         }
     }
 
-    /// Adds the samples that count, and moves them to their next set.
+    /// The same for the samples of one chunk, one by one.
     #[inline(always)]
-    fn add(
-        &self,
-        samples: &[f32],
-        dark: &[f32],
-        weight: &mut [f32],
-        sum: &mut [f32],
-        set: &mut [u16],
-        outcome: &mut Outcome,
-    ) {
-        let n = samples.len();
-        let (dark, weight, sum, set) = (&dark[..n], &mut weight[..n], &mut sum[..n], &mut set[..n]);
-        let with_frame = &self.tables.with_frame;
-        for start in (0..n).step_by(CHUNK) {
-            let end = (start + CHUNK).min(n);
-            let set = &mut set[start..end];
-            let weight = &mut weight[start..end];
-            let all = (end - start) as f32;
-            let good: f32 = weight.iter().sum();
-            let set_of_all = only(set).map(|one| (one, with_frame[usize::from(one)]));
-            match set_of_all {
-                _ if good == 0.0 => {
-                    for number in &*set {
-                        outcome.of_set[usize::from(*number)] += 1;
-                    }
+    fn weigh_each(&self, y: usize, chunk: Range<usize>, reach: &mut Reach) -> u64 {
+        let step = self.step;
+        let Layout {
+            row, right, down, ..
+        } = step.layout;
+        let n = chunk.len();
+        let wide = n + 2 * right;
+        // The part of the reach that lies inside the frame, and where it begins in the reach.
+        let inside = chunk.start.saturating_sub(right)..(chunk.end + right).min(row);
+        let margin = right - (chunk.start - inside.start);
+        let filled = margin..margin + inside.len();
+        for (k, ahead) in [y, y + down, y + 2 * down].into_iter().enumerate() {
+            let (value, present) = (&mut reach.value[k][..wide], &mut reach.present[k][..wide]);
+            value.fill(0.0);
+            present.fill(0.0);
+            if let Some(Rows { sum, set }) = self.before(ahead) {
+                let targets = value[filled.clone()]
+                    .iter_mut()
+                    .zip(&mut present[filled.clone()]);
+                let sums = sum[inside.clone()].iter().zip(&set[inside.clone()]);
+                for ((value, present), (sum, set)) in targets.zip(sums) {
+                    let per_time = step.tables.per_time[usize::from(*set)];
+                    *value = sum * per_time;
+                    *present = if per_time > 0.0 { 1.0 } else { 0.0 };
                 }
-                Some((one, next)) if good == all && next != one => {
+            }
+            let seen = &mut reach.seen[k][..wide];
+            seen.fill(0.0);
+            if let Some(start) = self.start(ahead) {
+                let here = start + inside.start..start + inside.end;
+                step.samples.copy_to(here, &mut seen[filled.clone()]);
+            }
+        }
+        let [e, p, full] = reach.column.each_mut().map(|column| &mut column[..wide]);
+        let [a, b, c] = reach.value.each_ref().map(|row| &row[..wide]);
+        for (i, sum) in e.iter_mut().enumerate() {
+            *sum = a[i] + b[i] + c[i];
+        }
+        let own = &b[right..];
+        let [a, b, c] = reach.present.each_ref().map(|row| &row[..wide]);
+        for (i, sum) in p.iter_mut().enumerate() {
+            *sum = a[i] + b[i] + c[i];
+        }
+        let own_present = &b[right..];
+        let [a, b, c] = reach.seen.each_ref().map(|row| &row[..wide]);
+        for (i, most) in full.iter_mut().enumerate() {
+            let above = if a[i] > b[i] { a[i] } else { b[i] };
+            *most = if c[i] > above { c[i] } else { above };
+        }
+        let (f1, f2) = (&full[right..], &full[2 * right..]);
+        let (e1, e2) = (&e[right..], &e[2 * right..]);
+        let (p1, p2) = (&p[right..], &p[2 * right..]);
+        let mut dark = [0.0; CHUNK];
+        let here = (self.first + y) * row;
+        let dark = &mut dark[..n];
+        step.dark
+            .copy_mean_to(here + chunk.start..here + chunk.end, dark);
+        let mut good = [0_u8; CHUNK];
+        for i in 0..n {
+            let sum = e[i] + e1[i] + e2[i] - own[i];
+            let count = (p[i] + p1[i] + p2[i] - own_present[i]).max(1.0);
+            let room = step.neighbours_limit - dark[i];
+            let counts = (full[i] < step.white)
+                & (f1[i] < step.white)
+                & (f2[i] < step.white)
+                & (sum * step.exposure <= room * count)
+                & (own[i] * step.exposure <= step.own_limit - dark[i]);
+            good[i] = u8::from(counts);
+        }
+        (good.iter().enumerate()).fold(0, |bits, (i, good)| bits | u64::from(*good) << i)
+    }
+
+    /// Adds the samples of row `y` of the block that count, and moves them to their next set.
+    #[inline(always)]
+    fn add(&mut self, y: usize, weight: &[u64], outcome: &mut Outcome) {
+        let step = self.step;
+        let Layout { row, channels, .. } = step.layout;
+        let first = (self.first + y) * row;
+        let with_frame = &step.tables.with_frame;
+        let sums = self.sum[y * row..(y + 1) * row].chunks_mut(CHUNK);
+        let sets = self.set[y * row..(y + 1) * row].chunks_mut(CHUNK);
+        for ((chunk, weight), (sum, set)) in weight.iter().enumerate().zip(sums.zip(sets)) {
+            let start = first + chunk * CHUNK;
+            let n = sum.len();
+            let mut weight = *weight;
+            let one = only(set).map(|one| (one, with_frame[usize::from(one)]));
+            match one {
+                Some((one, next)) if weight == all_of(n) && next != one => {
                     set.fill(next);
-                    outcome.of_set[usize::from(next)] += (end - start) as u64;
+                    outcome.of_set[usize::from(next)] += n as u64;
                 }
+                Some((one, _)) if weight == 0 => outcome.of_set[usize::from(one)] += n as u64,
                 _ => {
-                    for (number, weight) in set.iter_mut().zip(weight) {
+                    for (i, number) in set.iter_mut().enumerate() {
                         let next = with_frame[usize::from(*number)];
                         // A set that is its own successor takes no more frames.
                         if next == *number {
-                            *weight = 0.0;
-                        } else if *weight != 0.0 {
+                            weight &= !(1 << i);
+                        } else if weight >> i & 1 == 1 {
                             *number = next;
                         }
                         outcome.of_set[usize::from(*number)] += 1;
                     }
                 }
             }
-        }
-        for i in 0..n {
-            // A weight of 0 must not let a sample through that is no number.
-            sum[i] += if weight[i] == 0.0 {
-                0.0
+            if weight == 0 {
+                continue;
+            }
+            step.add_net(start..start + n, weight, sum);
+            if let [used] = outcome.used.as_mut_slice() {
+                *used += u64::from(weight.count_ones());
+            } else if weight == all_of(n) {
+                for (channel, used) in outcome.used.iter_mut().enumerate() {
+                    let ahead = (channel + channels - start % channels) % channels;
+                    *used += n.saturating_sub(ahead).div_ceil(channels) as u64;
+                }
             } else {
-                samples[i] - dark[i]
-            };
-        }
-        if let [used] = outcome.used.as_mut_slice() {
-            *used += weight.iter().map(|w| *w as u32).sum::<u32>() as u64;
-        } else {
-            for pixel in weight.chunks_exact(self.layout.channels) {
-                for (used, weight) in outcome.used.iter_mut().zip(pixel) {
-                    *used += *weight as u64;
+                for i in (0..n).filter(|i| weight >> i & 1 == 1) {
+                    outcome.used[(start + i) % channels] += 1;
                 }
             }
         }
     }
+}
 
-    /// Notes the samples of a row, the first of which is number `start`, that are warm.
+impl Step<'_> {
+    /// Adds the samples of `range` less their darks to `sum`, those that have a bit in `weight`.
     #[inline(always)]
-    fn find_warm(&self, start: usize, dark: &[f32], warm: &mut Vec<(usize, f32)>) {
-        let least = self.warm.iter().copied().fold(f32::INFINITY, f32::min);
-        for (chunk, levels) in dark.chunks(CHUNK).enumerate() {
-            let any = levels
-                .iter()
-                .fold(0_u32, |n, level| n + u32::from(*level > least));
-            if any > 0 {
-                for (i, level) in levels.iter().enumerate() {
-                    let at = start + chunk * CHUNK + i;
-                    if *level > self.warm[at % self.layout.channels] {
-                        warm.push((at, *level));
-                    }
-                }
+    fn add_net(&self, range: Range<usize>, weight: u64, sum: &mut [f32]) {
+        let n = range.len();
+        let whole = weight == all_of(n);
+        if let (true, Samples::U16(samples), Some(darks)) = (whole, self.samples, self.dark.one()) {
+            // The difference of whole numbers is exact either way.
+            let nets = samples[range.clone()].iter().zip(&darks[range]);
+            for (sum, (sample, dark)) in sum.iter_mut().zip(nets) {
+                *sum += (i32::from(*sample) - i32::from(*dark)) as f32;
             }
+            return;
+        }
+        let (mut samples, mut darks) = ([0.0; CHUNK], [0.0; CHUNK]);
+        self.samples.copy_to(range.clone(), &mut samples[..n]);
+        self.dark.copy_mean_to(range, &mut darks[..n]);
+        for (i, sum) in sum.iter_mut().enumerate() {
+            // A sample that does not count may be no number.
+            *sum += if weight >> i & 1 == 1 {
+                samples[i] - darks[i]
+            } else {
+                0.0
+            };
         }
     }
 }

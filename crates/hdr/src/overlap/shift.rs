@@ -1,7 +1,7 @@
 //! How far one frame is shifted against another.
 
 use crate::estimate::Estimate;
-use crate::net::Both;
+use crate::net::{self, Both};
 
 /// Side of the blocks of pixels that are averaged before gradients are taken.
 const SIDE: usize = 2;
@@ -9,39 +9,58 @@ const SIDE: usize = 2;
 /// Fewest blocks that make a shift.
 const LEAST: u64 = 50;
 
-/// Sums over blocks of pixels of two frames.
+/// Sums over blocks of pixels of two frames, in the rows by which they are compared.
+#[derive(Clone, Debug)]
 pub(super) struct Blocks {
     channels: usize,
     columns: usize,
     /// Which block of its row each sample of a row belongs to, channel by channel; none in a last
     /// odd column.
     of_sample: Vec<Option<u32>>,
+    /// Rows of blocks, by their number in the picture.
+    rows: Vec<usize>,
+    /// Where the sums of each row of blocks of the picture begin, of those that there are.
+    of_row: Vec<Option<u32>>,
     /// Sum of the short and of the long frame, and how many samples, for each block and channel.
     blocks: Vec<(f32, f32, u16)>,
 }
 
 impl Blocks {
-    pub(super) fn new((width, height, channels): (usize, usize, usize)) -> Self {
-        let (columns, rows) = (width / SIDE, height / SIDE);
+    pub(super) fn new(size: (usize, usize, usize)) -> Self {
+        let (width, height, channels) = size;
+        let columns = width / SIDE;
         let of_sample = (0..width * channels)
             .map(|at| {
                 let column = at / channels / SIDE;
                 (column < columns).then_some((column * channels + at % channels) as u32)
             })
             .collect();
+        let mut rows: Vec<usize> = net::rows(size).map(|row| row / SIDE).collect();
+        rows.dedup();
+        let mut of_row = vec![None; height / SIDE + 1];
+        for (number, row) in rows.iter().enumerate() {
+            of_row[*row] = Some((number * columns * channels) as u32);
+        }
         Self {
             channels,
             columns,
             of_sample,
-            blocks: vec![(0.0, 0.0, 0); columns * rows * channels],
+            blocks: vec![(0.0, 0.0, 0); columns * rows.len() * channels],
+            rows,
+            of_row,
         }
+    }
+
+    /// Forgets the samples of another pair.
+    pub(super) fn clear(&mut self) {
+        self.blocks.fill((0.0, 0.0, 0));
     }
 
     /// Adds a sample of both frames.
     pub(super) fn add(&mut self, both: &Both) {
-        let first = both.row / SIDE * self.columns * self.channels;
-        if let Some(block) = self.of_sample[both.at]
-            && let Some((short, long, count)) = self.blocks.get_mut(first + block as usize)
+        let place = self.of_row[both.row / SIDE].zip(self.of_sample[both.at]);
+        if let Some((first, block)) = place
+            && let Some((short, long, count)) = self.blocks.get_mut((first + block) as usize)
         {
             *short += both.short;
             *long += both.long;
@@ -65,8 +84,14 @@ impl Blocks {
         let mut scatter = [[0.0; 2]; 2];
         let mut count = 0_u64;
         for (i, here) in self.blocks.iter().enumerate().skip(down) {
-            let column = i / self.channels % self.columns;
-            if column == 0 || column + 1 == self.columns || here.2 != full {
+            if here.2 != full {
+                continue;
+            }
+            let (row, column) = (i / down, i / self.channels % self.columns);
+            // What follows in the list may stand elsewhere in the picture.
+            let below = self.rows.get(row + 1) == Some(&(self.rows[row] + 1));
+            let amid = below && self.rows[row - 1] + 1 == self.rows[row];
+            if column == 0 || column + 1 == self.columns || !amid {
                 continue;
             }
             let (Some(w), Some(e), Some(n), Some(s)) = (
