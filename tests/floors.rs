@@ -16,6 +16,7 @@ fn floors() -> BTreeMap<&'static str, u32> {
         "tables",
         "layers",
         "montecarlo",
+        "render",
         "transport",
     ] {
         floors.insert(middle, 1);

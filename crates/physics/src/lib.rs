@@ -28,6 +28,7 @@
 //! | [`radiance`] | [`RadianceMap`]: a picture with a variance |
 //! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
 //! | [`material`] | [`Material`]: one row of a table |
+//! | [`random`] | random streams named by what they are used for |
 //! | [`simd`] | loops over lanes on the instructions of the processor at hand |
 
 pub mod better_dipole;
@@ -51,6 +52,7 @@ pub mod phase;
 pub mod photon_beam_diffusion;
 pub mod profile;
 pub mod radiance;
+pub mod random;
 pub mod simd;
 pub mod spread;
 

@@ -4,9 +4,10 @@ use crate::camera::{Camera, Channels, Exit};
 use crate::error::SynthError;
 use crate::glow::Glow;
 use crate::picture::{Tilt, View};
-use crate::random::{normal, stream};
+use crate::random::normal;
 use crate::sensor::{Pixels, Purpose};
 use crate::truth::{ChannelTruth, Truth};
+use physics::random::stream;
 use physics::{Coefficients, ExitFactor, ForwardModel, Frame, ReducedMedium, fresnel};
 
 /// A material to be photographed.

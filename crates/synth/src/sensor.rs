@@ -1,7 +1,8 @@
 //! From light to data numbers.
 
 use crate::camera::Camera;
-use crate::random::{normal, poisson, stream, uniform};
+use crate::random::{normal, poisson};
+use physics::random::{stream, uniform};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 

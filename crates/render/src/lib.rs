@@ -1,0 +1,40 @@
+//! The validation renderer: light through translucent solids, by full transport and by the
+//! models of it, on one scene.
+//!
+//! It knows no files and no progress bars. Lengths are mm, coefficients mm⁻¹; a radiance is per
+//! mm² and sr for each unit of power of the lights.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`shape`] | half-spaces, blocks, spheres, meshes: where a ray enters and leaves |
+//! | [`boundary`] | a smooth dielectric surface met by a ray |
+//! | [`camera`] | pinhole and orthographic cameras, also seen through a flat surface |
+//! | [`light`] | beams, distant, point and area lights, an even sky |
+//! | [`scene`] | [`Scene`]: all of it together, checked |
+//! | [`walk`] | the random walk of a photon inside a solid |
+//! | [`photons`] | `monte-carlo` from the lights, connected to the camera through flat faces |
+//! | [`paths`] | `monte-carlo` from the camera |
+//! | [`monte_carlo`] | the method `monte-carlo`: which light goes which way |
+//! | [`film`] | pictures with a standard error in every pixel |
+
+pub mod boundary;
+pub mod camera;
+pub mod film;
+pub mod light;
+pub mod monte_carlo;
+pub mod paths;
+pub mod photons;
+pub mod scene;
+pub mod shape;
+pub mod walk;
+
+pub use camera::{Camera, View};
+pub use film::{Estimate, Film};
+pub use light::{Light, Spot};
+pub use monte_carlo::{MonteCarlo, Options, Picture};
+pub use photons::{Entry, Ledger, Rings};
+pub use scene::{Lamp, Material, Object, Scene, SceneError};
+pub use shape::{Block, HalfSpace, Mesh, MeshError, Shape, Sphere};
+
+/// A point or a direction, mm.
+pub type Vec3 = glam::DVec3;

@@ -1,0 +1,307 @@
+//! The method `monte-carlo`: volume transport through refracting surfaces, without bias.
+//!
+//! Light of a beam, or of any lamp that shines on flat solids alone, is followed from the lamp
+//! and connected to the camera at every scattering; an even sky, and lamps with a size over
+//! curved solids, are found from the camera. What the lamps of the first kind show without any
+//! scattering (their mirror images) is found from the camera as well.
+
+use crate::film::Film;
+use crate::light::Light;
+use crate::paths::{self, Wanted};
+use crate::photons::{Ledger, Photons, Rings};
+use crate::scene::{Scene, SceneError};
+use rayon::prelude::*;
+use std::ops::{ControlFlow, Range};
+
+/// How a picture is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Photons of each light and channel in a round.
+    pub photons: u64,
+    /// Tell apart light that scattered once, more often and never.
+    pub components: bool,
+    /// Rings in which leaving light is counted.
+    pub rings: Option<Rings>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            photons: 10_000,
+            components: false,
+            rings: None,
+        }
+    }
+}
+
+/// What `--components` tells apart.
+pub const COMPONENTS: [&str; 3] = ["single", "diffuse", "fresnel"];
+
+/// A picture in the making.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Radiances: plane after plane, each row by row. Planes are the channels or, with
+    /// components, for each of [`COMPONENTS`] the channels.
+    pub radiance: Film,
+    /// Powers as the [`Ledger`] has them, of light that was followed from its lamp.
+    pub powers: Film,
+}
+
+/// A scene and how light is followed in it.
+#[derive(Debug)]
+pub struct MonteCarlo<'a> {
+    scene: &'a Scene,
+    options: Options,
+    from_lamps: Vec<bool>,
+    wanted: Wanted,
+    ledger: Ledger,
+}
+
+impl<'a> MonteCarlo<'a> {
+    /// Decides for each light from which side it is followed.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::OutOfReach`] or [`SceneError::Unbounded`]: a light that neither way does
+    /// justice to.
+    pub fn new(scene: &'a Scene, options: Options) -> Result<Self, SceneError> {
+        let flat = scene.objects.iter().all(|o| o.shape.flat_faces().is_some());
+        let endless = scene.objects.iter().any(|o| o.shape.bounds().is_none());
+        let mut from_lamps = vec![];
+        for (index, lamp) in scene.lamps.iter().enumerate() {
+            from_lamps.push(match lamp.light {
+                Light::Sky => false,
+                Light::Beam { .. } if flat => true,
+                _ if flat && !endless => true,
+                _ if lamp.light.can_be_met() => false,
+                _ if flat => return Err(SceneError::Unbounded(index + 1)),
+                _ => return Err(SceneError::OutOfReach(index + 1)),
+            });
+        }
+        let ledger = Ledger::new(scene, options.rings.as_ref());
+        Ok(Self {
+            scene,
+            wanted: Wanted {
+                scattered: from_lamps.iter().map(|followed| !followed).collect(),
+                unscattered: vec![true; from_lamps.len()],
+            },
+            from_lamps,
+            ledger,
+            options,
+        })
+    }
+
+    /// Where the powers stand.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// A picture without any light yet.
+    pub fn empty(&self) -> Picture {
+        Picture {
+            radiance: Film::new(self.planes() * self.scene.pixels()),
+            powers: Film::new(self.ledger.len()),
+        }
+    }
+
+    fn planes(&self) -> usize {
+        let parts = if self.options.components {
+            COMPONENTS.len()
+        } else {
+            1
+        };
+        parts * self.scene.channels.len()
+    }
+
+    /// Adds the rounds of `range` to `picture`, in order, whatever thread made them. `after` is
+    /// told of each and may stop; then the picture holds the rounds so far.
+    pub fn run(
+        &self,
+        range: Range<u64>,
+        picture: &mut Picture,
+        mut after: impl FnMut(&Picture) -> ControlFlow<()>,
+    ) {
+        let together = rayon::current_num_threads() as u64;
+        let mut next = range.start;
+        while next < range.end {
+            let end = range.end.min(next + together);
+            let rounds: Vec<_> = (next..end)
+                .into_par_iter()
+                .map(|index| self.round(index))
+                .collect();
+            for (radiance, powers) in rounds {
+                picture.radiance.add(&radiance);
+                picture.powers.add(&powers);
+                if after(picture).is_break() {
+                    return;
+                }
+            }
+            next = end;
+        }
+    }
+
+    fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
+        let channels = self.scene.channels.len();
+        let components = self.options.components;
+        let plane = |channel: usize, order: u32| {
+            let part = match order {
+                1 => 0,
+                0 => 2,
+                _ => 1,
+            };
+            channel + if components { part * channels } else { 0 }
+        };
+        let mut radiance = vec![0.0; self.planes() * self.scene.pixels()];
+        let mut powers = vec![0.0; self.ledger.len()];
+        if self.from_lamps.contains(&true) {
+            let photons = Photons {
+                scene: self.scene,
+                lamps: self.from_lamps.clone(),
+                photons: self.options.photons,
+                seed: self.options.seed,
+                rings: self.options.rings.as_ref(),
+                ledger: self.ledger.clone(),
+            };
+            photons.round(index, plane, &mut radiance, &mut powers);
+        }
+        if self.scene.lamps.iter().any(|lamp| lamp.light.can_be_met()) {
+            let seed = self.options.seed;
+            paths::round(self.scene, &self.wanted, seed, index, plane, &mut radiance);
+        }
+        (radiance, powers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Lens, View};
+    use crate::scene::{Lamp, Material, Object};
+    use crate::shape::{Block, Shape};
+    use crate::{Estimate, Vec3};
+    use physics::Medium;
+
+    /// A small block under a lamp, seen from a corner: its walls show in the picture, and mirror
+    /// images of what scatters near them.
+    fn scene(lens: Lens) -> Scene {
+        let medium = Medium {
+            sigma_a: 0.05,
+            sigma_s: 0.7,
+            g: 0.4,
+            eta: 1.5,
+        };
+        let view = View {
+            from: Vec3::new(9.0, -12.0, 8.0),
+            to: Vec3::new(0.0, 0.0, 0.0),
+            up: Vec3::Z,
+            width: 6,
+            height: 6,
+        };
+        Scene {
+            channels: vec!["G".into()],
+            objects: vec![Object {
+                name: "block".into(),
+                shape: Shape::Block(Block {
+                    min: Vec3::new(-1.5, -1.0, -1.0),
+                    max: Vec3::new(1.5, 1.0, 0.8),
+                }),
+                material: Material {
+                    media: vec![medium],
+                },
+            }],
+            lamps: vec![Lamp {
+                light: Light::Area {
+                    corner: Vec3::new(-6.0, -6.0, 3.0),
+                    u: Vec3::new(0.0, 12.0, 0.0),
+                    v: Vec3::new(12.0, 0.0, 0.0),
+                },
+                strength: vec![1.0],
+            }],
+            camera: Camera::new(view, lens).unwrap(),
+        }
+        .validated()
+        .unwrap()
+    }
+
+    /// From the lamp and from the camera the same picture, in all of its components.
+    #[test]
+    fn both_directions_make_one_picture() {
+        for lens in [
+            Lens::Orthographic { height: 4.0 },
+            Lens::Pinhole { field: 0.24 },
+        ] {
+            let scene = scene(lens);
+            let options = Options {
+                components: true,
+                photons: 2000,
+                ..Options::default()
+            };
+            let from_lamp = MonteCarlo::new(&scene, options.clone()).unwrap();
+            assert_eq!(from_lamp.from_lamps, [true]);
+            let mut a = from_lamp.empty();
+            from_lamp.run(0..30, &mut a, |_| ControlFlow::Continue(()));
+
+            let mut from_camera = MonteCarlo::new(&scene, options).unwrap();
+            from_camera.from_lamps = vec![false];
+            from_camera.wanted.scattered = vec![true];
+            let mut b = from_camera.empty();
+            from_camera.run(0..5_000, &mut b, |_| ControlFlow::Continue(()));
+
+            let pixels = scene.pixels();
+            let (mut chi2, mut lit) = (0.0, 0);
+            // Of each component: from the lamp, from the camera, variance of the difference.
+            let mut sums = [[0.0; 3]; 3];
+            for index in 0..a.radiance.len() {
+                let x: Estimate = a.radiance.estimate(index);
+                let y: Estimate = b.radiance.estimate(index);
+                sums[index / pixels][0] += x.value;
+                sums[index / pixels][1] += y.value;
+                let u2 = x.u * x.u + y.u * y.u;
+                sums[index / pixels][2] += u2;
+                // What did not scatter is found the same way by both.
+                if index < 2 * pixels && y.value > 5.0 * y.u {
+                    lit += 1;
+                    chi2 += (x.value - y.value).powi(2) / u2;
+                }
+            }
+            println!("{lens:?}: chi2 {chi2:.1} of {lit}, {sums:?}");
+            assert!(lit > 40, "{lit}");
+            let expected = f64::from(lit);
+            assert!(
+                (chi2 - expected).abs() < 4.0 * (2.0 * expected).sqrt(),
+                "{lens:?}: {chi2} of {lit}"
+            );
+            for [x, y, u2] in &sums[..2] {
+                let u = u2.sqrt();
+                assert!(
+                    (x - y).abs() < 3.5 * u && u < 0.03 * x,
+                    "{lens:?}: {sums:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_is_its_seed_whatever_the_threads() {
+        let scene = scene(Lens::Orthographic { height: 4.0 });
+        let options = Options {
+            photons: 50,
+            ..Options::default()
+        };
+        let method = MonteCarlo::new(&scene, options).unwrap();
+        let make = |threads: usize, parts: [Range<u64>; 2]| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build().unwrap().install(|| {
+                let mut picture = method.empty();
+                for part in parts.clone() {
+                    method.run(part.clone(), &mut picture, |_| ControlFlow::Continue(()));
+                }
+                picture
+            })
+        };
+        assert_eq!(make(1, [0..3, 3..7]), make(3, [0..4, 4..7]));
+    }
+}

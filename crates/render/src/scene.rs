@@ -1,0 +1,254 @@
+//! All that a picture is made of.
+
+use crate::Vec3;
+use crate::camera::Camera;
+use crate::light::{Light, Reach};
+use crate::shape::{Hit, Shape};
+use physics::{InvalidMedium, Medium};
+use thiserror::Error;
+
+/// What a solid is filled with, in each channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// One medium a channel; all have their own index, relative to the air around.
+    pub media: Vec<Medium>,
+}
+
+/// A solid.
+#[derive(Debug)]
+pub struct Object {
+    /// What messages call it.
+    pub name: String,
+    /// Where it is.
+    pub shape: Shape,
+    /// What it is filled with.
+    pub material: Material,
+}
+
+/// A light and its strength in each channel; what unit that has stands at [`Light`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lamp {
+    /// Where the light comes from.
+    pub light: Light,
+    /// One strength a channel.
+    pub strength: Vec<f64>,
+}
+
+/// Solids, lights and a camera in clear surroundings.
+#[derive(Debug)]
+pub struct Scene {
+    /// Names of the channels.
+    pub channels: Vec<String>,
+    /// The solids; none touches another.
+    pub objects: Vec<Object>,
+    /// The lights.
+    pub lamps: Vec<Lamp>,
+    /// The camera.
+    pub camera: Camera,
+}
+
+/// A scene cannot be rendered.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// No solid, no light or no channel.
+    #[error("the scene has no {0}")]
+    Nothing(&'static str),
+    /// Media or strengths are not one for each channel.
+    #[error("{of} has {found} channels, the scene {channels}")]
+    Channels {
+        /// Whose.
+        of: String,
+        /// How many it has.
+        found: usize,
+        /// How many it should have.
+        channels: usize,
+    },
+    /// A medium cannot be.
+    #[error("object {object}, channel {channel}: {error}")]
+    Medium {
+        /// The object.
+        object: String,
+        /// The channel.
+        channel: String,
+        /// What is wrong.
+        error: InvalidMedium,
+    },
+    /// Light would wander in it for ever.
+    #[error(
+        "object {object}, channel {channel}: a half-space without absorption keeps light for ever; give it absorption, or make it a block"
+    )]
+    Endless {
+        /// The object.
+        object: String,
+        /// The channel.
+        channel: String,
+    },
+    /// A strength is negative or not finite.
+    #[error("light {lamp}: expected strengths of at least 0, found {found}")]
+    Strength {
+        /// The light, from 1.
+        lamp: usize,
+        /// What was found.
+        found: f64,
+    },
+    /// The camera is in a solid.
+    #[error("the camera stands inside {0}; move it out")]
+    CameraInside(String),
+    /// A light is in a solid.
+    #[error("light {lamp} is inside {object}; move it out")]
+    LightInside {
+        /// The light, from 1.
+        lamp: usize,
+        /// The object.
+        object: String,
+    },
+    /// No unbiased path joins light and camera.
+    #[error(
+        "monte-carlo: light {0} has no size, and behind a curved smooth surface no path finds it; give it a size (radius_deg of a distant light, an area light), or use flat solids (block, half-space)"
+    )]
+    OutOfReach(usize),
+    /// Parallel or even light onto something without end.
+    #[error(
+        "monte-carlo: light {0} falls on a half-space everywhere; use a beam, or a block of finite size"
+    )]
+    Unbounded(usize),
+}
+
+impl Scene {
+    /// The same scene, or what is wrong with it.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError`] names the part.
+    pub fn validated(self) -> Result<Self, SceneError> {
+        for (what, empty) in [
+            ("channel", self.channels.is_empty()),
+            ("object", self.objects.is_empty()),
+            ("light", self.lamps.is_empty()),
+        ] {
+            if empty {
+                return Err(SceneError::Nothing(what));
+            }
+        }
+        let channels = self.channels.len();
+        let count = |of: String, found| {
+            if found == channels {
+                Ok(())
+            } else {
+                Err(SceneError::Channels {
+                    of,
+                    found,
+                    channels,
+                })
+            }
+        };
+        for object in &self.objects {
+            count(object.name.clone(), object.material.media.len())?;
+            for (medium, channel) in object.material.media.iter().zip(&self.channels) {
+                if let Err(error) = medium.validated() {
+                    return Err(SceneError::Medium {
+                        object: object.name.clone(),
+                        channel: channel.clone(),
+                        error,
+                    });
+                }
+                let endless = medium.sigma_a == 0.0 && medium.sigma_s > 0.0;
+                if endless && object.shape.bounds().is_none() {
+                    return Err(SceneError::Endless {
+                        object: object.name.clone(),
+                        channel: channel.clone(),
+                    });
+                }
+            }
+        }
+        for (lamp, Lamp { light, strength }) in self.lamps.iter().enumerate() {
+            let lamp = lamp + 1;
+            count(format!("light {lamp}"), strength.len())?;
+            if let Some(&found) = strength.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
+                return Err(SceneError::Strength { lamp, found });
+            }
+            let place = match *light {
+                Light::Beam { from, .. } => Some(from),
+                Light::Point { at } => Some(at),
+                Light::Area { corner, u, v } => Some(corner + 0.5 * (u + v)),
+                Light::Distant { .. } | Light::Sky => None,
+            };
+            if let Some(object) = place.and_then(|p| self.around(p)) {
+                let object = object.to_owned();
+                return Err(SceneError::LightInside { lamp, object });
+            }
+        }
+        // Every ray of a camera starts outside, those of its corners at least.
+        let [width, height] = self.camera.size().map(|n| n as f64);
+        for (x, y) in [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (origin, _) = self.camera.ray(x * width, y * height);
+            if let Some(object) = self.around(origin) {
+                return Err(SceneError::CameraInside(object.to_owned()));
+            }
+        }
+        Ok(self)
+    }
+
+    fn around(&self, point: Vec3) -> Option<&str> {
+        let found = self.objects.iter().find(|o| o.shape.contains(point));
+        found.map(|o| o.name.as_str())
+    }
+
+    /// The first solid that a ray enters.
+    pub fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(usize, Hit)> {
+        let hits = self.objects.iter().enumerate();
+        hits.filter_map(|(index, object)| Some((index, object.shape.enter(origin, direction)?)))
+            .min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
+    }
+
+    /// Pixels of the picture.
+    pub fn pixels(&self) -> usize {
+        self.camera.size().iter().product()
+    }
+
+    /// A ball around all solids that have an end.
+    pub(crate) fn reach(&self) -> Reach {
+        let bounds = self.objects.iter().filter_map(|o| o.shape.bounds());
+        let around = bounds.reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+        around.map_or(
+            Reach {
+                center: Vec3::ZERO,
+                radius: 1.0,
+            },
+            |(low, high)| Reach {
+                center: 0.5 * (low + high),
+                radius: 0.5 * (high - low).length(),
+            },
+        )
+    }
+
+    /// Radiance that a ray into the open finds, in a channel, and how far it gets.
+    pub(crate) fn lit(
+        &self,
+        channel: usize,
+        origin: Vec3,
+        direction: Vec3,
+        within: f64,
+        wanted: &[bool],
+    ) -> Option<f64> {
+        let (mut nearest, mut value) = (f64::INFINITY, 0.0);
+        for (lamp, wanted) in self.lamps.iter().zip(wanted) {
+            let Some((distance, radiance)) = lamp.light.meet(origin, direction) else {
+                continue;
+            };
+            // A lamp hides what is behind, also where its own light is not asked for.
+            let radiance = if *wanted {
+                radiance * lamp.strength[channel]
+            } else {
+                0.0
+            };
+            if distance < nearest {
+                (nearest, value) = (distance, radiance);
+            } else if distance == nearest {
+                value += radiance;
+            }
+        }
+        (nearest < within || within == f64::INFINITY).then_some(value)
+    }
+}
