@@ -12,9 +12,9 @@ use physics::{
 use profile::Exit;
 use transport::TransportModel;
 
-/// Standard uncertainty over the difference of two answers, were either as likely as any between
-/// or a little past them: 1/√3, as of a rectangle (JCGM 100, 4.3.7).
-const TWO_STORIES: f64 = 0.577;
+/// Standard uncertainty over the difference of two answers, were any between as likely as either:
+/// 1/√12, as of a rectangle of half that width (JCGM 100, 4.3.7).
+const TWO_STORIES: f64 = 0.289;
 /// Mean cosines tried for the medium at which a closed form's discrepancy is taken.
 const G_TRIED: [f64; 5] = [0.0, 0.3, 0.6, 0.8, 0.93];
 
