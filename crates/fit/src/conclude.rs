@@ -19,7 +19,6 @@ pub(crate) const NOISE: &str = "photon, read and dark noise";
 pub(crate) const SCALE: &str = "shared scale";
 /// and the model's own discrepancy.
 pub(crate) const MODEL: &str = "model error";
-const LOW_ALBEDO: f64 = 0.5;
 /// Standard uncertainties of the scale beyond which it is named.
 const SCALE_OFF: f64 = 4.0;
 const MUCH_LIGHT_OUTSIDE: f64 = 0.05;
@@ -41,6 +40,8 @@ pub(crate) struct Summary {
     pub(crate) evaluations: usize,
     pub(crate) termination: Termination,
     albedo_prime: f64,
+    /// α′ below which the model is not to be trusted.
+    least_albedo_prime: f64,
 }
 
 fn inverse(hessian: Matrix2<f64>) -> Matrix2<f64> {
@@ -154,6 +155,7 @@ impl Problem<'_> {
             evaluations,
             termination,
             albedo_prime: at.albedo_prime(),
+            least_albedo_prime: model.trust().least_albedo_prime,
         }
     }
 
@@ -309,7 +311,7 @@ impl Summary {
                 percent: 100.0 * self.share_outside,
             });
         }
-        if self.albedo_prime < LOW_ALBEDO {
+        if self.albedo_prime < self.least_albedo_prime {
             warnings.push(Warning::LowAlbedo {
                 albedo_prime: self.albedo_prime,
             });

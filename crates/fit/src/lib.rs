@@ -133,6 +133,10 @@ fn search(
             Some(range) => (range, None),
             None => range::trusted(data.geometry.outer_mm, options, next),
         };
+        let least = data.model.trust().least_transport_lengths;
+        let warning = warning.filter(|w| {
+            !matches!(w, Warning::StartsNear { transport_lengths, .. } if *transport_lengths >= least)
+        });
         let same = range == trusted || range::same_points(&data.geometry.edges, range, trusted);
         if (same || rounds >= 8) && settled || rounds >= ROUNDS {
             return Ok((problem, solution, warning));

@@ -9,10 +9,11 @@
 
 use crate::error::Result;
 use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative};
+use crate::unknown_g::settled;
 use fit::DirectionKind;
 use physics::{Blur, Coefficients, Footprints, ProfilePoint, RadialProfile, TotalReflectance};
 use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -70,11 +71,16 @@ impl Channel<'_> {
         let eta = (given.eta + given.u_eta * normal()).max(1.0);
         let length = 1.0 + given.u_length_relative * normal();
         let beam = given.drawn_beam(normal());
-        let truth = Given {
+        let mut truth = Given {
             eta,
             beam: beam.clone(),
             ..given.clone()
         };
+        if given.fitted_g().is_some() {
+            let place = StandardUniform.sample(rng);
+            truth.model.g = given.drawn_g(place);
+        }
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
         let model = truth.model()?;
         // Radii as they are, where the camera's scale of length is off by `length`.
         let stretched = |x: f64| x * length;
@@ -158,7 +164,10 @@ impl Channel<'_> {
                 let mut rng =
                     Pcg64::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ replica);
                 let (profile, total) = self.drawn(medium, &mut rng)?;
-                let fit = fit_channel(&profile, total.as_ref(), self.scale, &self.given.exact());
+                // A g that the data had to tell, they have to tell again.
+                let given = self.given.unsettled();
+                let fit = settled(&profile, total.as_ref(), self.scale, &given)
+                    .and_then(|g| fit_channel(&profile, total.as_ref(), self.scale, &g.exact()));
                 Ok(fit.ok().map(|fit| fit.coefficients()))
             })
             .collect::<Result<Vec<Option<Coefficients>>>>()?;

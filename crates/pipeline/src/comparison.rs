@@ -11,10 +11,11 @@ use report::{CurvePoint, ModelReport};
 /// What one model makes of every channel.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// What the fits took as given, the model among it.
-    pub given: Given,
-    /// The fit of each channel, or why there is none.
-    pub outcome: std::result::Result<Vec<Fit>, String>,
+    /// The model.
+    pub model: ModelChoice,
+    /// What the fit of each channel took as given, a g that it had to find among it, and the fit;
+    /// or why there is none.
+    pub outcome: std::result::Result<Vec<(Given, Fit)>, String>,
 }
 
 /// Fits with every model that `known` allows, the rest as `given` says; `fits` fits all channels.
@@ -27,14 +28,14 @@ pub struct Compared {
 pub fn compare(
     known: &ModelChoice,
     given: &Given,
-    fits: impl Fn(&Given) -> Result<Vec<Fit>> + Sync,
+    fits: impl Fn(&Given) -> Result<Vec<(Given, Fit)>> + Sync,
 ) -> Result<Vec<Compared>> {
     known
         .all(given.eta)
         .into_par_iter()
         .map(|model| {
             let given = Given {
-                model,
+                model: model.clone(),
                 ..given.clone()
             };
             let outcome = match fits(&given) {
@@ -42,7 +43,7 @@ pub fn compare(
                 Err(e) if e.kind() == Kind::Input => Err(e.to_string()),
                 Err(e) => return Err(e),
             };
-            Ok(Compared { given, outcome })
+            Ok(Compared { model, outcome })
         })
         .collect()
 }
@@ -50,7 +51,12 @@ pub fn compare(
 impl Compared {
     /// Name of the model.
     pub fn name(&self) -> &str {
-        &self.given.model.name
+        &self.model.name
+    }
+
+    /// The fit of each channel with what it took as given; none where the model was not fitted.
+    pub fn fits(&self) -> &[(Given, Fit)] {
+        self.outcome.as_deref().unwrap_or_default()
     }
 
     /// The model's total over the whole plane, per power that enters, of each fitted channel.
@@ -59,16 +65,14 @@ impl Compared {
     ///
     /// None: the model was made before.
     pub fn totals(&self) -> Result<Vec<f64>> {
-        let model = library::model(&self.given.model, self.given.eta)?;
-        let fits = self.outcome.as_deref().unwrap_or_default();
-        Ok(fits
-            .iter()
-            .map(|fit| model.beyond(fit.coefficients(), 0.0))
-            .collect())
+        let total = |(given, fit): &(Given, Fit)| {
+            let model = library::model(&given.model, given.eta)?;
+            Ok(model.beyond(fit.coefficients(), 0.0))
+        };
+        self.fits().iter().map(total).collect()
     }
 
-    /// What the report shows of the model for channel `index`, whose data are `profile` and whose
-    /// fit took `given` as given, but for the model.
+    /// What the report shows of the model for channel `index`, whose data are `profile`.
     ///
     /// # Errors
     ///
@@ -77,16 +81,11 @@ impl Compared {
         &self,
         index: usize,
         profile: &RadialProfile,
-        given: &Given,
     ) -> Result<Option<ModelReport<'_>>> {
-        let Some(fit) = self.outcome.as_deref().ok().and_then(|f| f.get(index)) else {
+        let Some((given, fit)) = self.fits().get(index) else {
             return Ok(None);
         };
-        let given = Given {
-            model: self.given.model.clone(),
-            ..given.clone()
-        };
-        let curve = model_curve(profile, fit, &given)?
+        let curve = model_curve(profile, fit, given)?
             .into_iter()
             .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
                 radius_mm,
@@ -107,8 +106,9 @@ mod tests {
     use super::*;
     use crate::fitting::{ScaleInput, fit_channel};
     use crate::library::SlabChoice;
-    use fit::Constraint;
-    use physics::{Coefficients, ObliqueBeam, ProfilePoint, TotalReflectance};
+    use crate::unknown_g::settled;
+    use fit::{Constraint, Warning};
+    use physics::{Coefficients, ForwardModel, ObliqueBeam, ProfilePoint, TotalReflectance};
 
     /// Every model finds its own medium among the fits of all, under each constraint: also the one
     /// whose thickness has a scale, and the oblique one.
@@ -166,12 +166,13 @@ mod tests {
                     u_offset_per_mm2: 0.0,
                 };
                 let scale: [ScaleInput; 0] = [];
-                Ok(vec![fit_channel(&profile, Some(&total), &scale, given)?])
+                let fit = fit_channel(&profile, Some(&total), &scale, given)?;
+                Ok(vec![(given.clone(), fit)])
             };
             let compared = compare(&known, &given, of_itself).unwrap();
             assert_eq!(compared.len(), 8);
             for model in compared {
-                let fit = &model.outcome.as_ref().unwrap()[0];
+                let (_, fit) = &model.outcome.as_ref().unwrap()[0];
                 let error_a = fit.sigma_a.value / truth.sigma_a - 1.0;
                 let error_s = fit.sigma_s_prime.value / truth.sigma_s_prime - 1.0;
                 assert!(
@@ -181,6 +182,58 @@ mod tests {
                     fit.termination
                 );
             }
+        }
+    }
+
+    /// Ink: every closed form warns of it, and transport, which is not told g, does not.
+    #[test]
+    fn only_closed_forms_complain_of_a_dark_medium() {
+        let truth = Coefficients {
+            sigma_a: 0.7,
+            sigma_s_prime: 0.3,
+        };
+        let light = transport::TransportModel::new(1.4, 0.8).unwrap();
+        let radii: Vec<f64> = (0..30).map(|i| 0.3 * 1.1_f64.powi(i)).collect();
+        let mut values = vec![0.0; radii.len()];
+        light.diffuse_reflectance(truth, &radii, &mut values);
+        let points = radii
+            .iter()
+            .zip(&values)
+            .map(|(&radius_mm, &value)| ProfilePoint {
+                ring_mm: None,
+                radius_mm,
+                reflectance_per_mm2: value,
+                u_reflectance_per_mm2: 1e-2 * value,
+                pixels: None,
+            });
+        let profile = RadialProfile {
+            channel: "Y".to_owned(),
+            points: points.collect(),
+        };
+        let known = ModelChoice::default();
+        let given = Given {
+            discrepancy: false,
+            entry_loss: false,
+            ..Given::of(known.clone(), 1.4)
+        };
+        let all = compare(&known, &given, |given| {
+            let given = settled(&profile, None, &[], given)?;
+            let fit = fit_channel(&profile, None, &[], &given)?;
+            Ok(vec![(given, fit)])
+        });
+        let mut warned = vec![];
+        for model in all.unwrap() {
+            let [(given, fit)] = model.fits() else {
+                panic!("{model:?}");
+            };
+            let dark =
+                |w: &Warning| matches!(w, Warning::LowAlbedo { .. } | Warning::StartsNear { .. });
+            warned.push((model.name().to_owned(), fit.warnings.iter().any(dark)));
+            assert_eq!(given.fitted_g().is_some(), model.name() == "monte-carlo");
+        }
+        assert_eq!(warned.len(), 7);
+        for (name, warned) in warned {
+            assert_eq!(warned, name != "monte-carlo", "{name}");
         }
     }
 }

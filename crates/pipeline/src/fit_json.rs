@@ -50,6 +50,9 @@ pub struct FitDocument {
 pub struct Model {
     model: String,
     g: Option<f64>,
+    /// g of each channel with its standard uncertainty, where the data had to tell it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    fitted_g: Vec<(f64, f64)>,
     thickness_mm: Option<f64>,
     /// Why there are no channels, where there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -61,15 +64,19 @@ pub struct Model {
 
 impl From<&Compared> for Model {
     fn from(compared: &Compared) -> Self {
-        let choice = &compared.given.model;
-        let fits = compared.outcome.as_deref().unwrap_or_default();
+        let choice = &compared.model;
         Self {
             model: choice.name.clone(),
             g: choice.g,
+            fitted_g: (compared.fits().iter())
+                .filter_map(|(given, _)| given.fitted_g())
+                .collect(),
             thickness_mm: choice.slab.map(|slab| slab.thickness_mm),
             error: compared.outcome.as_ref().err().cloned(),
             total_reflectance: compared.totals().unwrap_or_default(),
-            channels: fits.iter().map(Channel::from).collect(),
+            channels: (compared.fits().iter())
+                .map(|(_, fit)| Channel::from(fit))
+                .collect(),
         }
     }
 }

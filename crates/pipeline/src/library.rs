@@ -120,13 +120,14 @@ impl ModelChoice {
         self.name == "directional"
     }
 
-    /// Every model that what is known here allows, in the order of [`MODELS`]: the one with g
-    /// where g is known and in its table, the one of slabs where there is a thickness.
+    /// Every model that what is known here allows, in the order of [`MODELS`]: the one of slabs
+    /// where there is a thickness, and transport where its table reaches; without g it lacks it
+    /// ([`Self::lacks_g`]), and a fit has to find it.
     pub fn all(&self, eta: f64) -> Vec<Self> {
         MODELS
             .iter()
             .map(|name| self.called(name))
-            .filter(|choice| model(choice, eta).is_ok())
+            .filter(|choice| model(&choice.with_stand_in(), eta).is_ok())
             .collect()
     }
 
@@ -278,7 +279,8 @@ mod tests {
                 "better-dipole",
                 "kienle-patterson",
                 "photon-beam-diffusion",
-                "directional"
+                "directional",
+                "monte-carlo"
             ]
         );
         let known = ModelChoice {

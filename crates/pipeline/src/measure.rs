@@ -658,9 +658,12 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
                         model: model.model.clone(),
                         ..given.clone()
                     };
-                    fitting::fit_channel(&m.profile, Some(&m.total), scale, &given)
+                    let (profile, total) = (&m.profile, Some(&m.total));
+                    let given = unknown_g::settled(profile, total, scale, &given)?;
+                    let fit = fitting::fit_channel(profile, total, scale, &given)?;
+                    Ok((given, fit))
                 })
-                .collect::<Result<Vec<Fit>>>()
+                .collect::<Result<Vec<(Given, Fit)>>>()
         };
         comparison::compare(&known(capture, choices), &given[0], all)
             .map_err(|e| e.within(place()))?

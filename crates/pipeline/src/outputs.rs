@@ -112,7 +112,7 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         let reports = measurement
             .compared
             .iter()
-            .map(|compared| compared.report(index, profile, &measurement.given[index]));
+            .map(|compared| compared.report(index, profile));
         comparison.push(
             reports
                 .collect::<Result<Vec<_>>>()?

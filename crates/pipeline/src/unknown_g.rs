@@ -110,6 +110,32 @@ pub fn settled(
 }
 
 impl Given {
+    /// The g that was fitted along, drawn by the weights that the data gave it: that of the share
+    /// `place` of them, 0 to 1. `None` where none was.
+    pub(crate) fn drawn_g(&self, place: f64) -> Option<f64> {
+        let mut left = place;
+        let mut last = None;
+        for v in &self.variants {
+            let Change::G(g) = v.change else { continue };
+            last = Some(g);
+            left -= v.weight * v.weight;
+            if left < 0.0 {
+                break;
+            }
+        }
+        last
+    }
+
+    /// The same as before its g was fitted along.
+    pub(crate) fn unsettled(&self) -> Self {
+        let mut given = self.clone();
+        if self.fitted_g().is_some() {
+            given.model.g = None;
+            given.variants.retain(|v| !matches!(v.change, Change::G(_)));
+        }
+        given
+    }
+
     /// The g that was fitted along, and its standard uncertainty; `None` where it was given, or
     /// no model needs it.
     pub fn fitted_g(&self) -> Option<(f64, f64)> {
@@ -127,6 +153,7 @@ impl Given {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bootstrap::Channel;
     use crate::fitting::fit_channel;
     use crate::library::ModelChoice;
     use fit::Fit;
@@ -142,8 +169,8 @@ mod tests {
         sigma_s_prime: 1.2,
     };
 
-    /// What a fit without g makes of transport at `g`, from `start_mm` on, with 0.3 % of noise.
-    fn found(g: f64, start_mm: f64, seed: u64) -> (Given, Fit) {
+    /// Transport at `g` with 0.3 % of noise, and what is given from `start_mm` on without g.
+    fn seen(g: f64, start_mm: f64, seed: u64) -> (RadialProfile, Given) {
         let model = TransportModel::new(ETA, g).unwrap();
         let radii: Vec<f64> = (0..60).map(|i| 0.1 * 1.1_f64.powi(i)).collect();
         let mut values = vec![0.0; radii.len()];
@@ -173,9 +200,48 @@ mod tests {
             entry_loss: false,
             ..Given::of(model, ETA)
         };
+        (profile, given)
+    }
+
+    /// What a fit makes of that.
+    fn found(g: f64, start_mm: f64, seed: u64) -> (Given, Fit) {
+        let (profile, given) = seen(g, start_mm, seed);
         let given = settled(&profile, None, &[], &given).unwrap();
         let fit = fit_channel(&profile, None, &[], &given).unwrap();
         (given, fit)
+    }
+
+    /// Replicas find g again, so that their spread holds what the budget says of it.
+    #[test]
+    fn replicas_draw_g_and_find_it_again() {
+        let (profile, given) = seen(0.7, 3.0, 3);
+        let given = settled(&profile, None, &[], &given).unwrap();
+        let fit = fit_channel(&profile, None, &[], &given).unwrap();
+        let channel = Channel {
+            profile: &profile,
+            total: None,
+            scale: &[],
+            given: &given,
+        };
+        let medium = fit.coefficients();
+        let spread = channel.bootstrap(medium, 60, 1).unwrap();
+        let told = Given {
+            variants: vec![],
+            ..given.clone()
+        };
+        let channel = Channel {
+            given: &told,
+            ..channel
+        };
+        let narrow = channel.bootstrap(medium, 60, 1).unwrap();
+        // 60 replicas tell a standard deviation to 9 %; three of those.
+        let ratio = spread.u_sigma_s_prime_per_mm / fit.sigma_s_prime.u;
+        assert!((ratio - 1.0).abs() < 0.27, "{ratio}: {spread:?} {fit:?}");
+        let ratio = spread.u_sigma_a_per_mm / fit.sigma_a.u;
+        assert!((ratio - 1.0).abs() < 0.27, "{ratio}: {spread:?} {fit:?}");
+        // Here most of it comes from g.
+        let ratio = narrow.u_sigma_s_prime_per_mm / spread.u_sigma_s_prime_per_mm;
+        assert!(ratio < 0.7, "{ratio}: {narrow:?} {spread:?}");
     }
 
     /// Where radii reach near the beam, the data tell g; where they start far out they do not,

@@ -7,7 +7,7 @@ use crate::table::{
     BadTable, CHANNELS, ETA, G_COUNT, K, LARGEST_G, LEAST_G, LN_RADIUS, PER_MEDIUM, Table,
     g_weights,
 };
-use physics::{Coefficients, DiffuseFresnel, ExitFactor, ForwardModel, Gradient};
+use physics::{Coefficients, DiffuseFresnel, ExitFactor, ForwardModel, Gradient, Trust};
 use thiserror::Error;
 
 /// The table that ships with beamspot.
@@ -403,6 +403,15 @@ fn along(ln_radius: f64, knot: impl Fn(usize) -> Knot) -> [f64; 3] {
 }
 
 impl ForwardModel for TransportModel {
+    /// It leaves out neither absorption nor the first scatterings: where its table is less sure,
+    /// [`Self::relative_error`] says by how much.
+    fn trust(&self) -> Trust {
+        Trust {
+            least_albedo_prime: 0.0,
+            least_transport_lengths: 0.0,
+        }
+    }
+
     /// Relative standard error of R_d at `radius` mm, of solver and interpolation together, as
     /// measured against Monte Carlo simulations.
     ///

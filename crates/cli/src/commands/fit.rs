@@ -159,7 +159,11 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         }
     }
     let compared = if args.fit.compares() {
-        comparison::compare(&known, &given, |given| fit_all(&settle_all(given)?))?
+        comparison::compare(&known, &given, |given| {
+            let settled = settle_all(given)?;
+            let fits = fit_all(&settled)?;
+            Ok(settled.into_iter().zip(fits).collect())
+        })?
     } else {
         vec![]
     };

@@ -86,7 +86,13 @@ pub(crate) fn comparison(out: &mut impl Write, compared: &[Compared]) -> Result<
                 continue;
             }
         };
-        for (index, (fit, total)) in fits.iter().zip(model.totals()?).enumerate() {
+        for (index, ((given, fit), total)) in fits.iter().zip(model.totals()?).enumerate() {
+            if let Some((g, u)) = given.fitted_g() {
+                said.push(format!(
+                    "{name}, {}: g was not given: the data want {g:.2} +- {u:.2}",
+                    fit.channel
+                ));
+            }
             let row = vec![
                 fit.channel.clone(),
                 name.to_owned(),
