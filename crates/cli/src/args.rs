@@ -1,7 +1,10 @@
 //! What was typed.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use pipeline::rendering::{BssrdfModel, MethodChoice, RenderOptions};
 use pipeline::{Error, Kind};
+use render::Kind as BrdfKind;
+use render::bssrdf::Sampling;
 use std::path::PathBuf;
 
 /// Recovers the absorption and reduced scattering coefficients of translucent materials from
@@ -54,6 +57,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// BRDF and BTDF of layers: first order, Monte Carlo by order, adding-doubling.
     Brdf(BrdfArgs),
+    /// Validation renderer: a scene by volume transport, a BSSRDF or a BRDF.
+    Render(RenderArgs),
     /// Integrating-sphere reflectance and transmittance to sigma_a, sigma_s and g.
     Sphere(SphereArgs),
     /// The papers' figures, computed.
@@ -312,6 +317,128 @@ pub(crate) struct SimulateArgs {
     /// same path gives the same bytes on any machine.
     #[arg(long, value_name = "PATH")]
     pub(crate) simd: Option<String>,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot render scenes/jensen8.toml -o cube.exr --rounds 64\n  beamspot render scenes/jensen9.toml -o bust.exr --method bssrdf --components"
+)]
+pub(crate) struct RenderArgs {
+    /// Solids, lights and a camera.
+    #[arg(value_name = "SCENE.toml")]
+    pub(crate) scene: PathBuf,
+    /// Picture to write, NAME.exr; NAME.png, NAME.json and NAME.state (for --resume) come beside it.
+    #[arg(short, long, value_name = "NAME.exr")]
+    pub(crate) output: PathBuf,
+    /// How: volume transport, or a model of the surface.
+    #[arg(long, value_enum, default_value_t = MethodArg::MonteCarlo, value_name = "METHOD")]
+    pub(crate) method: MethodArg,
+    /// BSSRDF of `--method bssrdf`: jensen2001 (the paper's, misprints mended), corrected (the
+    /// same with its energy balanced), better-dipole, directional, monte-carlo (R_d of the
+    /// transport equation).
+    #[arg(long, default_value = "jensen2001", value_name = "MODEL")]
+    pub(crate) bssrdf: String,
+    /// BRDF of `--method brdf`.
+    #[arg(long, value_enum, default_value_t = BrdfArg::Jensen, value_name = "MODEL")]
+    pub(crate) brdf: BrdfArg,
+    /// How `--method bssrdf` draws points: by R_d on three axes, by the paper's exponential, or
+    /// evenly.
+    #[arg(long, value_enum, default_value_t = SamplingArg::Axes, value_name = "WAY")]
+    pub(crate) sampling: SamplingArg,
+    /// Rounds: each is one path a pixel, or --photons photons of every light and channel.
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub(crate) rounds: u64,
+    /// Photons of a round, where light is followed from its lamp.
+    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
+    /// Stop earlier, once the rms of the pixels' standard errors is this share of the mean pixel.
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) until_error: Option<f64>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(crate) seed: u64,
+    /// Tell light apart that scattered once, more often, and never (layers single.R and so on).
+    #[arg(long)]
+    pub(crate) components: bool,
+    /// Factor on radiances before the tone curve of the PNG (sRGB); chosen from the picture when
+    /// left out, and stated.
+    #[arg(long, value_name = "FACTOR")]
+    pub(crate) exposure: Option<f64>,
+    /// Go on with a picture of the same scene, method and seed.
+    #[arg(long)]
+    pub(crate) resume: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum MethodArg {
+    /// Unbiased volume transport.
+    MonteCarlo,
+    /// Light leaves where it enters.
+    Brdf,
+    /// Diffusion over the surface, and single scattering.
+    Bssrdf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum BrdfArg {
+    /// Evenly in all directions.
+    Lambert,
+    /// Jensen's approximation: diffuse and single scattering.
+    Jensen,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum SamplingArg {
+    /// Distances by R_d, on the normal and two axes.
+    Axes,
+    /// Distances by the paper's exponential, on the normal.
+    Exponential,
+    /// Evenly over the surface of a mesh or a sphere.
+    Area,
+}
+
+impl RenderArgs {
+    /// What was typed, checked.
+    pub(crate) fn options(&self) -> Result<RenderOptions, Error> {
+        let bad = |message: String| Err(Error::new(Kind::Usage, message));
+        let sampling = match self.sampling {
+            SamplingArg::Axes => Sampling::Axes,
+            SamplingArg::Exponential => Sampling::Exponential,
+            SamplingArg::Area => Sampling::Area,
+        };
+        let method = match self.method {
+            MethodArg::MonteCarlo => MethodChoice::MonteCarlo,
+            MethodArg::Brdf => MethodChoice::Brdf(match self.brdf {
+                BrdfArg::Lambert => BrdfKind::Lambert,
+                BrdfArg::Jensen => BrdfKind::Jensen,
+            }),
+            MethodArg::Bssrdf => {
+                let found = BssrdfModel::ALL
+                    .iter()
+                    .find(|(name, _)| *name == self.bssrdf);
+                let Some((_, model)) = found else {
+                    let names = BssrdfModel::ALL.map(|(name, _)| name).join(", ");
+                    return bad(format!(
+                        "--bssrdf: no model is called `{}`; there are {names}",
+                        self.bssrdf
+                    ));
+                };
+                MethodChoice::Bssrdf(*model, sampling)
+            }
+        };
+        if self.exposure.is_some_and(|e| !(e > 0.0 && e.is_finite())) {
+            return bad("--exposure: expected a number above 0".to_owned());
+        }
+        Ok(RenderOptions {
+            method,
+            rounds: self.rounds,
+            until_error: self.until_error,
+            photons: self.photons,
+            seed: self.seed,
+            components: self.components,
+            exposure: self.exposure,
+        })
+    }
 }
 
 #[derive(Args, Debug)]

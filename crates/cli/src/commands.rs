@@ -9,6 +9,7 @@ pub(crate) mod hdr;
 pub(crate) mod init;
 pub(crate) mod measure;
 pub(crate) mod profile;
+pub(crate) mod render;
 pub(crate) mod simulate;
 pub(crate) mod sphere;
 pub(crate) mod synth;

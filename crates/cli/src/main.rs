@@ -49,6 +49,7 @@ fn run(cli: Cli) -> Result<()> {
         Command::Fit(args) => commands::fit::run(&args, common, &mut out),
         Command::Simulate(args) => commands::simulate::run(&args, common, &monitor, &mut out),
         Command::Brdf(args) => commands::brdf::run(&args, common, &monitor, &mut out),
+        Command::Render(args) => commands::render::run(&args, common, &monitor, &mut out),
         Command::Sphere(args) => commands::sphere::run(&args, common, &monitor, &mut out),
         Command::Figures(args) => commands::figures::run(&args, common, &monitor, &mut out),
         Command::Table(command) => commands::table::run(&command, common, &mut out),

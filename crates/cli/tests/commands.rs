@@ -537,6 +537,9 @@ fn the_readmes_commands_run() {
         .next()
         .unwrap();
     fs::write(folder.path().join("marble.toml"), medium).unwrap();
+    let cube = text.split("# cube.toml\n").nth(1).unwrap();
+    let cube = cube.split("```").next().unwrap();
+    fs::write(folder.path().join("cube.toml"), cube).unwrap();
     let samples = text.split("```csv\n").nth(1).unwrap();
     let samples = samples.split("```").next().unwrap();
     fs::write(folder.path().join("samples.csv"), samples).unwrap();

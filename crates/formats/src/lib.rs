@@ -12,6 +12,8 @@
 //! | [`exr`] | `radiance.exr`: value and variance of every channel |
 //! | [`capture`] | `capture.toml`: frames and exposure times, geometry, beam, camera, reference |
 //! | [`sample_toml`] | a medium given by reduced coefficients, for `synth` |
+//! | [`scene_toml`] | `SCENE.toml`: solids, lights and a camera |
+//! | [`mesh`] | triangles: OBJ and PLY |
 //! | [`sphere_csv`] | what an integrating sphere measured, for `sphere` |
 //! | [`profile_csv`] | `profile.csv` |
 //! | [`totals_csv`] | `totals.csv` |
@@ -30,10 +32,12 @@ pub mod layers_csv;
 pub mod materials_csv;
 pub mod materials_json;
 pub mod medium_toml;
+pub mod mesh;
 pub mod metadata;
 mod nearest;
 pub mod profile_csv;
 pub mod sample_toml;
+pub mod scene_toml;
 pub mod sphere_csv;
 pub mod toml_text;
 pub mod totals_csv;

@@ -26,6 +26,7 @@
 //! | [`medium`] | layered media from their files |
 //! | [`brdf`] | BRDF and BTDF of layers by three witnesses |
 //! | [`sphere`] | what an integrating sphere measured, inverted |
+//! | [`rendering`] | scenes as files, pictures as files |
 //! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
@@ -54,6 +55,7 @@ pub mod monitor;
 pub mod outputs;
 mod reading;
 mod regions;
+pub mod rendering;
 pub mod response;
 pub mod sensing;
 pub mod simulation;

@@ -15,26 +15,38 @@
 //! | [`photons`] | `monte-carlo` from the lights, connected to the camera through flat faces |
 //! | [`paths`] | `monte-carlo` from the camera |
 //! | [`monte_carlo`] | the method `monte-carlo`: which light goes which way |
+//! | [`method`] | [`Method`]: what all ways to a picture have in common |
+//! | [`surface`] | models of the surface: what comes out of a solid at a point |
+//! | [`brdf`] | the method `brdf` |
+//! | [`bssrdf`] | the method `bssrdf` |
 //! | [`film`] | pictures with a standard error in every pixel |
 
 pub mod boundary;
+pub mod brdf;
+pub mod bssrdf;
 pub mod camera;
 pub mod film;
 pub mod light;
+pub mod method;
 pub mod monte_carlo;
 pub mod paths;
 pub mod photons;
 pub mod scene;
 pub mod shape;
+pub mod surface;
 pub mod walk;
 
+pub use brdf::{Brdf, Kind};
+pub use bssrdf::Bssrdf;
 pub use camera::{Camera, View};
 pub use film::{Estimate, Film};
 pub use light::{Light, Spot};
-pub use monte_carlo::{MonteCarlo, Options, Picture};
+pub use method::{Method, Picture};
+pub use monte_carlo::{MonteCarlo, Options};
 pub use photons::{Entry, Ledger, Rings};
 pub use scene::{Lamp, Material, Object, Scene, SceneError};
 pub use shape::{Block, HalfSpace, Mesh, MeshError, Shape, Sphere};
+pub use surface::Shaded;
 
 /// A point or a direction, mm.
 pub type Vec3 = glam::DVec3;

@@ -237,3 +237,111 @@ pub(crate) fn cone(axis: Vec3, cos_half: f64, rng: &mut Stream) -> Vec3 {
     let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
     (r * cos * u + r * sin * v + z * axis).normalize()
 }
+
+/// Light that a lamp sends to a point.
+pub(crate) struct Incident {
+    /// Direction to the lamp.
+    pub(crate) toward: Vec3,
+    /// How far away it is, mm.
+    pub(crate) distance: f64,
+    /// Irradiance across the direction for each unit of strength, over the density with which
+    /// the direction was drawn.
+    pub(crate) irradiance: f64,
+}
+
+impl Light {
+    /// Light from this lamp at a point, if nothing is in the way; at a surface, of outward normal
+    /// `normal`, the directions of an even sky are drawn by their cosine.
+    pub(crate) fn shine(
+        &self,
+        point: Vec3,
+        normal: Option<Vec3>,
+        rng: &mut Stream,
+    ) -> Option<Incident> {
+        match *self {
+            Self::Beam {
+                from,
+                direction,
+                spot,
+            } => {
+                let offset = point - from;
+                let along = offset.dot(direction);
+                let across = (offset - along * direction).length_squared();
+                let density = spot.density(across);
+                (along > 0.0 && density > 0.0).then_some(Incident {
+                    toward: -direction,
+                    distance: along,
+                    irradiance: density,
+                })
+            }
+            Self::Distant { direction, radius } => Some(Incident {
+                toward: if radius > 0.0 {
+                    cone(-direction, radius.cos(), rng)
+                } else {
+                    -direction
+                },
+                distance: f64::INFINITY,
+                irradiance: 1.0,
+            }),
+            Self::Point { at } => {
+                let toward = at - point;
+                let distance = toward.length();
+                Some(Incident {
+                    toward: toward / distance,
+                    distance,
+                    irradiance: 1.0 / (4.0 * PI * distance * distance),
+                })
+            }
+            Self::Area { corner, u, v } => {
+                let toward = corner + uniform(rng) * u + uniform(rng) * v - point;
+                let distance = toward.length();
+                let toward = toward / distance;
+                // Area times cosine.
+                let seen = -u.cross(v).dot(toward);
+                (seen > 0.0).then_some(Incident {
+                    toward,
+                    distance,
+                    irradiance: seen / (distance * distance),
+                })
+            }
+            Self::Sky => {
+                let (toward, irradiance) = match normal {
+                    Some(normal) => {
+                        let toward = cosine(normal, rng);
+                        (toward, PI / toward.dot(normal).max(f64::MIN_POSITIVE))
+                    }
+                    None => (on_sphere(rng), 4.0 * PI),
+                };
+                Some(Incident {
+                    toward,
+                    distance: f64::INFINITY,
+                    irradiance,
+                })
+            }
+        }
+    }
+}
+
+impl Spot {
+    /// Irradiance for each unit of power at the square of a distance from the axis, mm⁻².
+    pub(crate) fn density(&self, square: f64) -> f64 {
+        match *self {
+            Self::Disk(radius) if square <= radius * radius && radius > 0.0 => {
+                1.0 / (PI * radius * radius)
+            }
+            Self::Disk(_) => 0.0,
+            Self::Gaussian(sigma) => {
+                let variance = sigma * sigma;
+                (-0.5 * square / variance).exp() / (TAU * variance)
+            }
+        }
+    }
+
+    /// Distance from the axis within which the beam has all its light, but for 1e-8 of it.
+    pub(crate) fn extent(&self) -> f64 {
+        match *self {
+            Self::Disk(radius) => radius,
+            Self::Gaussian(sigma) => 6.0 * sigma,
+        }
+    }
+}

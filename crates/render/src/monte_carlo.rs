@@ -7,11 +7,10 @@
 
 use crate::film::Film;
 use crate::light::Light;
+use crate::method::{Method, Picture, Planes};
 use crate::paths::{self, Wanted};
 use crate::photons::{Ledger, Photons, Rings};
 use crate::scene::{Scene, SceneError};
-use rayon::prelude::*;
-use std::ops::{ControlFlow, Range};
 
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,19 +34,6 @@ impl Default for Options {
             rings: None,
         }
     }
-}
-
-/// What `--components` tells apart.
-pub const COMPONENTS: [&str; 3] = ["single", "diffuse", "fresnel"];
-
-/// A picture in the making.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// Radiances: plane after plane, each row by row. Planes are the channels or, with
-    /// components, for each of [`COMPONENTS`] the channels.
-    pub radiance: Film,
-    /// Powers as the [`Ledger`] has them, of light that was followed from its lamp.
-    pub powers: Film,
 }
 
 /// A scene and how light is followed in it.
@@ -94,67 +80,35 @@ impl<'a> MonteCarlo<'a> {
         })
     }
 
+    fn planes(&self) -> Planes {
+        Planes {
+            channels: self.scene.channels.len(),
+            components: self.options.components,
+        }
+    }
+
     /// Where the powers stand.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
+}
 
-    /// A picture without any light yet.
-    pub fn empty(&self) -> Picture {
+impl Method for MonteCarlo<'_> {
+    fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    fn empty(&self) -> Picture {
         Picture {
-            radiance: Film::new(self.planes() * self.scene.pixels()),
+            radiance: Film::new(self.planes().len() * self.scene.pixels()),
             powers: Film::new(self.ledger.len()),
         }
     }
 
-    fn planes(&self) -> usize {
-        let parts = if self.options.components {
-            COMPONENTS.len()
-        } else {
-            1
-        };
-        parts * self.scene.channels.len()
-    }
-
-    /// Adds the rounds of `range` to `picture`, in order, whatever thread made them. `after` is
-    /// told of each and may stop; then the picture holds the rounds so far.
-    pub fn run(
-        &self,
-        range: Range<u64>,
-        picture: &mut Picture,
-        mut after: impl FnMut(&Picture) -> ControlFlow<()>,
-    ) {
-        let together = rayon::current_num_threads() as u64;
-        let mut next = range.start;
-        while next < range.end {
-            let end = range.end.min(next + together);
-            let rounds: Vec<_> = (next..end)
-                .into_par_iter()
-                .map(|index| self.round(index))
-                .collect();
-            for (radiance, powers) in rounds {
-                picture.radiance.add(&radiance);
-                picture.powers.add(&powers);
-                if after(picture).is_break() {
-                    return;
-                }
-            }
-            next = end;
-        }
-    }
-
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let channels = self.scene.channels.len();
-        let components = self.options.components;
-        let plane = |channel: usize, order: u32| {
-            let part = match order {
-                1 => 0,
-                0 => 2,
-                _ => 1,
-            };
-            channel + if components { part * channels } else { 0 }
-        };
-        let mut radiance = vec![0.0; self.planes() * self.scene.pixels()];
+        let planes = self.planes();
+        let plane = |channel: usize, order: u32| planes.of(channel, order);
+        let mut radiance = vec![0.0; planes.len() * self.scene.pixels()];
         let mut powers = vec![0.0; self.ledger.len()];
         if self.from_lamps.contains(&true) {
             let photons = Photons {
@@ -183,6 +137,7 @@ mod tests {
     use crate::shape::{Block, Shape};
     use crate::{Estimate, Vec3};
     use physics::Medium;
+    use std::ops::{ControlFlow, Range};
 
     /// A small block under a lamp, seen from a corner: its walls show in the picture, and mirror
     /// images of what scatters near them.
@@ -242,13 +197,13 @@ mod tests {
             let from_lamp = MonteCarlo::new(&scene, options.clone()).unwrap();
             assert_eq!(from_lamp.from_lamps, [true]);
             let mut a = from_lamp.empty();
-            from_lamp.run(0..30, &mut a, |_| ControlFlow::Continue(()));
+            from_lamp.run(0..30, &mut a, &mut |_| ControlFlow::Continue(()));
 
             let mut from_camera = MonteCarlo::new(&scene, options).unwrap();
             from_camera.from_lamps = vec![false];
             from_camera.wanted.scattered = vec![true];
             let mut b = from_camera.empty();
-            from_camera.run(0..5_000, &mut b, |_| ControlFlow::Continue(()));
+            from_camera.run(0..5_000, &mut b, &mut |_| ControlFlow::Continue(()));
 
             let pixels = scene.pixels();
             let (mut chi2, mut lit) = (0.0, 0);
@@ -297,7 +252,9 @@ mod tests {
             pool.build().unwrap().install(|| {
                 let mut picture = method.empty();
                 for part in parts.clone() {
-                    method.run(part.clone(), &mut picture, |_| ControlFlow::Continue(()));
+                    method.run(part.clone(), &mut picture, &mut |_| {
+                        ControlFlow::Continue(())
+                    });
                 }
                 picture
             })

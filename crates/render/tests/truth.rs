@@ -5,8 +5,8 @@ use physics::random::{stream, uniform};
 use render::camera::Lens;
 use render::paths::{Wanted, radiance};
 use render::{
-    Block, Camera, Entry, HalfSpace, Lamp, Light, Material, MonteCarlo, Object, Options, Rings,
-    Scene, Shape, Sphere, Spot, Vec3, View,
+    Block, Camera, Entry, HalfSpace, Lamp, Light, Material, Method, MonteCarlo, Object, Options,
+    Rings, Scene, Shape, Sphere, Spot, Vec3, View,
 };
 use std::ops::ControlFlow;
 
@@ -66,7 +66,7 @@ fn a_white_furnace_is_white() {
         let scene = scene(shape, vec![white], Light::Sky);
         let method = MonteCarlo::new(&scene, Options::default()).unwrap();
         let mut picture = method.empty();
-        method.run(0..100, &mut picture, |_| ControlFlow::Continue(()));
+        method.run(0..100, &mut picture, &mut |_| ControlFlow::Continue(()));
         for pixel in 0..scene.pixels() {
             let got = picture.radiance.estimate(pixel);
             assert_eq!(got.value, 1.0, "{pixel}");
@@ -166,7 +166,7 @@ fn a_marble_cube_sends_out_through_each_face_what_another_program_counted() {
     )
     .unwrap();
     let mut picture = method.empty();
-    method.run(0..40, &mut picture, |_| ControlFlow::Continue(()));
+    method.run(0..40, &mut picture, &mut |_| ControlFlow::Continue(()));
     // Faces -x, +x, -y, +y, -z, +z.
     let sides = [0.005_504, 0.001_749, 0.000_432];
     let expected: [[f64; 3]; 6] = [
@@ -237,7 +237,7 @@ fn a_beam_on_a_slab_spreads_as_another_program_says() {
     };
     let method = MonteCarlo::new(&scene, options).unwrap();
     let mut picture = method.empty();
-    method.run(0..40, &mut picture, |_| ControlFlow::Continue(()));
+    method.run(0..40, &mut picture, &mut |_| ControlFlow::Continue(()));
     let (mut chi2, mut n, mut beyond) = (0.0, 0, 0);
     for k in 0..values.len() {
         let area = std::f64::consts::PI * (edges_mm[k + 1].powi(2) - edges_mm[k].powi(2));

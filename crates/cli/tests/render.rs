@@ -1,0 +1,219 @@
+//! `render`: what it promises, and its answers to bad input.
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test"
+)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+fn call(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_beamspot"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (
+        output.status.code(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+const SCENE: &str = r#"
+channels = ["Y"]
+[camera]
+kind = "orthographic"
+from_mm = [0, -30, 20]
+to_mm = [0, 0, 0]
+height_mm = 14
+width_px = 16
+height_px = 12
+[[object]]
+name = "sample"
+shape = "block"
+min_mm = [-4, -4, -4]
+max_mm = [4, 4, 4]
+medium = { sigma_a_per_mm = 0.05, sigma_s_per_mm = 1 }
+eta = 1.4
+[[light]]
+kind = "beam"
+from_mm = [0, -1, 20]
+direction = [0, 0, -1]
+radius_mm = 0.5
+"#;
+
+#[test]
+fn one_run_or_several_on_any_number_of_threads_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("scene.toml"), SCENE).unwrap();
+    let run = |name: &str, more: &[&str]| {
+        let mut arguments = vec!["render", "scene.toml", "-o", name, "--photons", "200"];
+        arguments.extend(more);
+        let (code, out, error) = call(path, &arguments);
+        assert_eq!(code, Some(0), "{more:?}: {error}");
+        out
+    };
+    let out = run("a.exr", &["--rounds", "12", "--threads", "1"]);
+    assert!(out.contains("sample") && out.contains("12 rounds"), "{out}");
+    run("b.exr", &["--rounds", "5", "--threads", "3"]);
+    run("b.exr", &["--rounds", "12", "--threads", "2", "--resume"]);
+    for ending in ["exr", "png", "json", "state"] {
+        let bytes = |name: &str| fs::read(path.join(format!("{name}.{ending}"))).unwrap();
+        assert!(bytes("a") == bytes("b"), "{ending}");
+    }
+    // A state of another scene, or a damaged one, is not gone on with.
+    let other = SCENE.replace("= 1.4", "= 1.5");
+    fs::write(path.join("scene.toml"), other).unwrap();
+    let goes_on = ["render", "scene.toml", "-o", "b.exr", "--resume"];
+    let (code, _, error) = call(path, &goes_on);
+    assert!(
+        code == Some(3) && error.contains("another scene"),
+        "{error}"
+    );
+    let state = fs::read(path.join("b.state")).unwrap();
+    fs::write(path.join("b.state"), &state[..100]).unwrap();
+    let (code, _, error) = call(path, &goes_on);
+    assert_eq!(code, Some(3), "{error}");
+}
+
+#[test]
+fn every_method_makes_a_picture_with_its_components() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("scene.toml"), SCENE).unwrap();
+    for (name, more) in [
+        ("m", &["--method", "monte-carlo", "--photons", "300"][..]),
+        ("j", &["--method", "bssrdf"]),
+        ("c", &["--method", "bssrdf", "--bssrdf", "corrected"]),
+        ("t", &["--method", "bssrdf", "--bssrdf", "monte-carlo"]),
+        ("b", &["--method", "brdf"]),
+        ("l", &["--method", "brdf", "--brdf", "lambert"]),
+    ] {
+        let output = format!("{name}.exr");
+        let common = [
+            "render",
+            "scene.toml",
+            "-o",
+            &output,
+            "--rounds",
+            "4",
+            "--json",
+        ];
+        let arguments = [&common[..], more, &["--components"]].concat();
+        let (code, out, error) = call(path, &arguments);
+        assert_eq!(code, Some(0), "{more:?}: {error}");
+        let document: serde_json::Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(document["rounds"], 4);
+        let exr = fs::read(path.join(&output)).unwrap();
+        let header = String::from_utf8_lossy(&exr[..2000]);
+        assert!(header.contains("single.Y.variance"), "{header}");
+    }
+}
+
+/// What is wrong is named, with exit code 3, and nothing is left behind.
+#[test]
+fn bad_scenes_are_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(
+        path.join("open.obj"),
+        "v 0 0 0\nv 5 0 0\nv 0 5 0\nv 0 0 5\nf 1 3 2\nf 1 2 4\nf 1 4 3\n",
+    )
+    .unwrap();
+    fs::write(
+        path.join("flat.obj"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    )
+    .unwrap();
+    fs::write(
+        path.join("nan.obj"),
+        "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    )
+    .unwrap();
+    fs::write(path.join("empty.obj"), "# nothing\n").unwrap();
+    let block = "shape = \"block\"\nmin_mm = [-4, -4, -4]\nmax_mm = [4, 4, 4]\n";
+    let mesh = |file: &str| SCENE.replace(block, &format!("shape = \"mesh\"\nfile = \"{file}\"\n"));
+    for (scene, said) in [
+        (
+            SCENE.replace("eta = 1.4", "etta = 1.4"),
+            "did you mean `eta`",
+        ),
+        (SCENE.replace("eta = 1.4", ""), "`eta` is missing"),
+        (SCENE.replace("eta = 1.4", "eta = 9"), "between 0.2 and 5"),
+        (
+            SCENE.replace("sigma_a_per_mm = 0.05", "sigma_a_per_mm = -1"),
+            "at least 0 mm^-1",
+        ),
+        (
+            SCENE.replace("from_mm = [0, -30, 20]", "from_mm = [0, -1, 1]"),
+            "camera stands inside sample",
+        ),
+        (
+            SCENE.replace("from_mm = [0, -1, 20]", "from_mm = [0, -1, 0]"),
+            "light 1 is inside sample",
+        ),
+        (
+            SCENE.replace("max_mm = [4, 4, 4]", "max_mm = [4, -5, 4]"),
+            "`min_mm` below",
+        ),
+        (SCENE.replace("width_px = 16", "width_px = 0"), "at least 1"),
+        (
+            SCENE
+                .replace("medium = {", "#")
+                .replace("eta = 1.4", "material = \"granite\""),
+            "no material is called `granite`",
+        ),
+        (
+            SCENE[..SCENE.find("[[light]]").unwrap()].to_owned(),
+            "has no light",
+        ),
+        (mesh("none.obj"), "none.obj"),
+        (mesh("flat.obj"), "encloses no volume"),
+        (mesh("nan.obj"), "vertex 1"),
+        (mesh("empty.obj"), "no triangle"),
+        (mesh("open.obj"), "no path finds it"),
+    ] {
+        fs::write(path.join("scene.toml"), &scene).unwrap();
+        let (code, _, error) = call(
+            path,
+            &["render", "scene.toml", "-o", "x.exr", "--rounds", "1"],
+        );
+        assert_eq!(code, Some(3), "{said}: {error}");
+        assert!(
+            error.contains(said) && error.contains("scene.toml"),
+            "{said}: {error}"
+        );
+        assert!(!path.join("x.exr").exists());
+    }
+    // Open, but under a sky: a picture, and a warning.
+    let open = mesh("open.obj").replace(
+        "kind = \"beam\"\nfrom_mm = [0, -1, 20]\ndirection = [0, 0, -1]\nradius_mm = 0.5",
+        "kind = \"sky\"",
+    );
+    fs::write(path.join("scene.toml"), open).unwrap();
+    let (code, _, error) = call(
+        path,
+        &["render", "scene.toml", "-o", "x.exr", "--rounds", "1"],
+    );
+    assert_eq!(code, Some(0), "{error}");
+    assert!(error.contains("not closed"), "{error}");
+    for (more, said) in [
+        (
+            ["--bssrdf", "dipol", "--method", "bssrdf"],
+            "there are jensen2001",
+        ),
+        (["--until-error", "0", "--rounds", "1"], "above 0"),
+        (["--rounds", "0", "--seed", "1"], "at least one"),
+        (["--exposure", "0", "--seed", "1"], "above 0"),
+    ] {
+        let arguments = [&["render", "scene.toml", "-o", "y.exr"][..], &more].concat();
+        let (code, _, error) = call(path, &arguments);
+        assert_eq!(code, Some(2), "{said}: {error}");
+        assert!(error.contains(said), "{said}: {error}");
+    }
+}

@@ -1,0 +1,536 @@
+//! The method `bssrdf`: diffusion from all over the surface, and light that scattered once.
+
+use crate::Vec3;
+use crate::boundary::part;
+use crate::light::{Incident, Light, Spot};
+use crate::scene::Scene;
+use crate::shape::{Hit, Shape};
+use crate::surface::{Point, Shader, arrives, unhidden};
+use physics::fresnel;
+use physics::random::{Stream, uniform};
+use physics::{HenyeyGreenstein, Medium, PhaseFunction};
+use std::f64::consts::{PI, TAU};
+
+/// Points of a tabulated profile.
+const RADII: usize = 1024;
+
+/// R_d of one medium, as a table between logarithmic radii, and how to draw radii from it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// ln of the first radius in mm, and the step.
+    start: f64,
+    step: f64,
+    /// ln R_d, mm⁻².
+    ln_value: Vec<f64>,
+    /// Light within each radius, as a share of that within the last.
+    within: Vec<f64>,
+    /// Light within the last radius.
+    total: f64,
+    /// σₜᵣ, mm⁻¹.
+    sigma_tr: f64,
+}
+
+impl Profile {
+    /// Tabulates `diffuse_reflectance`, which fills R_d in mm⁻² for radii in mm.
+    pub fn new(medium: &Medium, diffuse_reflectance: impl FnOnce(&[f64], &mut [f64])) -> Self {
+        let reduced = medium.reduced();
+        let path = 1.0 / (reduced.sigma_a + reduced.sigma_s_prime);
+        let sigma_tr = (3.0 * reduced.sigma_a / path).sqrt();
+        // From far below a transport length to where nothing is left, but not beyond what a
+        // solid could measure where nothing absorbs.
+        let start = (1e-3 * path).ln();
+        let end = (40.0 / sigma_tr.max(1e-4 / path)).max(100.0 * path).ln();
+        let step = (end - start) / (RADII - 1) as f64;
+        let radii: Vec<f64> = (0..RADII)
+            .map(|k| (start + k as f64 * step).exp())
+            .collect();
+        let mut values = vec![0.0; RADII];
+        diffuse_reflectance(&radii, &mut values);
+        let ln_value: Vec<f64> = values
+            .iter()
+            .map(|v| v.max(f64::MIN_POSITIVE).ln())
+            .collect();
+        let mut table = Self {
+            start,
+            step,
+            ln_value,
+            within: vec![],
+            total: 0.0,
+            sigma_tr,
+        };
+        // Between two radii ln(r² R_d) is a line in ln r: its integral is a closed form, and the
+        // draws follow the very function that `value` returns.
+        let mut sum = PI * radii[0] * radii[0] * values[0];
+        table.within.push(sum);
+        for k in 0..RADII - 1 {
+            sum += table.piece(k, 1.0);
+            table.within.push(sum);
+        }
+        table.total = sum;
+        for share in &mut table.within {
+            *share /= sum;
+        }
+        table
+    }
+
+    /// Power of the radius that r² R_d follows in a piece, and its first value.
+    fn law(&self, k: usize) -> (f64, f64) {
+        let slope = 2.0 + (self.ln_value[k + 1] - self.ln_value[k]) / self.step;
+        let first = (2.0 * (self.start + k as f64 * self.step) + self.ln_value[k]).exp();
+        (slope, first)
+    }
+
+    /// Light in the first `part` of a piece, in ln r.
+    fn piece(&self, k: usize, part: f64) -> f64 {
+        let (slope, first) = self.law(k);
+        let x = slope * self.step * part;
+        let factor = if x.abs() < 1e-8 { 1.0 } else { x.exp_m1() / x };
+        TAU * first * self.step * part * factor
+    }
+
+    /// R_d, mm⁻².
+    pub fn value(&self, radius: f64) -> f64 {
+        let place = (radius.ln() - self.start) / self.step;
+        if place <= 0.0 {
+            return self.ln_value[0].exp();
+        }
+        let k = place as usize;
+        if k >= RADII - 1 {
+            return 0.0;
+        }
+        let f = place - k as f64;
+        (self.ln_value[k] * (1.0 - f) + self.ln_value[k + 1] * f).exp()
+    }
+
+    /// ∫ R_d 2πr dr of the table.
+    pub fn total(&self) -> f64 {
+        self.total
+    }
+
+    /// A radius whose density is R_d 2πr over the total.
+    fn draw(&self, xi: f64) -> f64 {
+        let k = self.within.partition_point(|share| *share <= xi);
+        if k == 0 {
+            return self.start.exp() * (xi / self.within[0]).sqrt();
+        }
+        let k = (k - 1).min(RADII - 2);
+        let share = (xi - self.within[k]) * self.total;
+        let (slope, first) = self.law(k);
+        let y = share / (TAU * first);
+        let along = if (slope * y).abs() < 1e-8 {
+            y
+        } else {
+            (slope * y).ln_1p() / slope
+        };
+        (self.start + k as f64 * self.step + along.min(self.step)).exp()
+    }
+}
+
+/// How points are drawn from which light may come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// The paper's: distance from the density σₜᵣ e^(−σₜᵣ d), in the plane of the surface.
+    Exponential,
+    /// Distance from R_d itself, in planes across the normal and two axes beside it, all of whose
+    /// densities count at the point that was hit.
+    Axes,
+    /// Evenly over the whole surface: the yardstick of the others.
+    Area,
+}
+
+/// What happens to light at the surface and what each term holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Jensen's S_d: F_t/π, which loses F_dr,ext of the light.
+    Paper,
+    /// F_t/π over its own cosine integral, which loses none.
+    Balanced,
+}
+
+/// What one medium does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diffusion {
+    /// R_d.
+    pub profile: Profile,
+    /// Factor on it: 1, or what single scattering leaves of the energy.
+    pub share: f64,
+}
+
+/// The BSSRDF of all solids of a scene.
+pub struct Bssrdf {
+    of_object: Vec<Vec<Diffusion>>,
+    exit: Exit,
+    single: bool,
+    sampling: Sampling,
+    areas: Vec<Option<Areas>>,
+}
+
+/// The triangles or faces of a solid by their area.
+struct Areas {
+    below: Vec<f64>,
+}
+
+impl Bssrdf {
+    /// From the diffusion of each solid and channel; `single` says whether light that scattered
+    /// once is added, or is in the diffusion already.
+    ///
+    /// # Panics
+    ///
+    /// If the lists do not fit the scene.
+    pub fn new(
+        scene: &Scene,
+        of_object: Vec<Vec<Diffusion>>,
+        exit: Exit,
+        single: bool,
+        sampling: Sampling,
+    ) -> Self {
+        assert_eq!(of_object.len(), scene.objects.len());
+        for list in &of_object {
+            assert_eq!(list.len(), scene.channels.len());
+        }
+        let areas = scene
+            .objects
+            .iter()
+            .map(|o| match (&o.shape, sampling) {
+                (Shape::Mesh(mesh), Sampling::Area) => {
+                    let mut sum = 0.0;
+                    let area = |k| {
+                        let [a, b, c] = mesh.corners(k);
+                        sum += 0.5 * (b - a).cross(c - a).length();
+                        sum
+                    };
+                    Some(Areas {
+                        below: (0..mesh.len()).map(area).collect(),
+                    })
+                }
+                _ => None,
+            })
+            .collect();
+        Self {
+            of_object,
+            exit,
+            single,
+            sampling,
+            areas,
+        }
+    }
+
+    /// A point from which diffuse light may come to `to`, and one over its density per area.
+    fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Option<(Point, f64)> {
+        let object = &scene.objects[to.object];
+        let media = &self.of_object[to.object];
+        if self.sampling == Sampling::Area {
+            return match (&object.shape, &self.areas[to.object]) {
+                (Shape::Mesh(mesh), Some(areas)) => {
+                    let all = *areas.below.last()?;
+                    let at = uniform(rng) * all;
+                    let face = areas.below.partition_point(|sum| *sum <= at);
+                    let [a, b, c] = mesh.corners(face.min(mesh.len() - 1));
+                    let root = uniform(rng).sqrt();
+                    let (u, v) = (1.0 - root, root * uniform(rng));
+                    let place = a + (1.0 - u - v) * (b - a) + v * (c - a);
+                    let hit = Hit {
+                        distance: 0.0,
+                        normal: (b - a).cross(c - a).normalize(),
+                        face,
+                    };
+                    Some((Point::new(scene, to.object, place, &hit), all))
+                }
+                (Shape::Sphere(ball), _) => {
+                    let normal = crate::light::on_sphere(rng);
+                    let hit = Hit {
+                        distance: 0.0,
+                        normal,
+                        face: 0,
+                    };
+                    let place = ball.center + ball.radius * normal;
+                    let area = 4.0 * PI * ball.radius * ball.radius;
+                    Some((Point::new(scene, to.object, place, &hit), area))
+                }
+                // Nothing else has to be a yardstick.
+                _ => None,
+            };
+        }
+        let normal = to.true_normal;
+        let (u, v) = normal.any_orthonormal_pair();
+        let axes: &[(Vec3, f64)] = match self.sampling {
+            Sampling::Exponential | Sampling::Area => &[(normal, 1.0)],
+            Sampling::Axes => &[(normal, 0.7), (u, 0.15), (v, 0.15)],
+        };
+        let pick = uniform(rng);
+        let mut sum = 0.0;
+        let &(axis, _) = axes.iter().find(|(_, share)| {
+            sum += share;
+            pick < sum
+        })?;
+        // The profile of one channel serves all, with the mean of their densities.
+        let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
+        let xi = uniform(rng);
+        let radius = match self.sampling {
+            Sampling::Axes => media[channel].profile.draw(xi),
+            _ => -(1.0 - xi).ln() / media[channel].profile.sigma_tr,
+        };
+        if !radius.is_finite() {
+            return None;
+        }
+        let (a, b) = axis.any_orthonormal_pair();
+        let (sin, cos) = (TAU * uniform(rng)).sin_cos();
+        let through = to.at + radius * (cos * a + sin * b);
+        let hits = crossings(&object.shape, through, axis);
+        if hits.is_empty() {
+            return None;
+        }
+        let count = hits.len();
+        let chosen = ((uniform(rng) * count as f64) as usize).min(count - 1);
+        let (place, hit) = &hits[chosen];
+        let offset = *place - to.at;
+        let density = |radius: f64| {
+            let of_channel = |d: &Diffusion| match self.sampling {
+                Sampling::Axes => d.profile.value(radius) / d.profile.total,
+                _ => {
+                    let s = d.profile.sigma_tr;
+                    s * (-s * radius).exp() / (TAU * radius)
+                }
+            };
+            media.iter().map(of_channel).sum::<f64>() / media.len() as f64
+        };
+        let density: f64 = axes
+            .iter()
+            .map(|(axis, share)| {
+                let across = (offset - offset.dot(*axis) * axis).length();
+                share * density(across) * hit.normal.dot(*axis).abs()
+            })
+            .sum();
+        let point = Point::new(scene, to.object, *place, hit);
+        (density > 0.0).then(|| (point, count as f64 / density))
+    }
+
+    /// Diffuse radiance at `to` for each unit of power that enters at `from`, over π times the
+    /// factor of exit, mm⁻².
+    fn spread(&self, diffusion: &Diffusion, path: f64, from: &Point, to: &Point) -> f64 {
+        // The real source is a transport length below `from`; it is never nearer than that, as
+        // the paper has it for curved surfaces. On a plane this is the distance along it.
+        let offset = to.at - from.at;
+        let square = offset.length_squared() + 2.0 * path * offset.dot(from.true_normal);
+        diffusion.share * diffusion.profile.value(square.max(0.0).sqrt())
+    }
+
+    fn leaves(&self, eta: f64, cos_out: f64) -> f64 {
+        let factor = match self.exit {
+            Exit::Paper => fresnel::entry_factor(eta, cos_out),
+            Exit::Balanced => fresnel::exit_factor(eta, cos_out),
+        };
+        factor / PI
+    }
+
+    fn diffuse(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
+        let media = &scene.objects[point.object].material.media;
+        let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
+        let mut add = |from: &Point, lamp: usize, cos_in: f64, power: f64| {
+            for (channel, medium) in media.iter().enumerate() {
+                let reduced = medium.reduced();
+                let path = 1.0 / (reduced.sigma_a + reduced.sigma_s_prime);
+                let diffusion = &self.of_object[point.object][channel];
+                out[channel] += power
+                    * scene.lamps[lamp].strength[channel]
+                    * fresnel::entry_factor(medium.eta, cos_in)
+                    * self.spread(diffusion, path, from, point)
+                    * self.leaves(medium.eta, cos_out);
+            }
+        };
+        // A beam lights a spot that no drawing of points would find: its rays are drawn instead.
+        let is_beam = |light: &Light| matches!(light, Light::Beam { .. });
+        for (index, lamp) in scene.lamps.iter().enumerate() {
+            if is_beam(&lamp.light) {
+                let ray = lamp.light.emit(scene.reach(), rng);
+                if let Some((object, hit)) = scene.enter(ray.origin, ray.direction)
+                    && object == point.object
+                {
+                    let at = ray.origin + hit.distance * ray.direction;
+                    let from = Point::new(scene, object, at, &hit);
+                    let cos_in = (-ray.direction.dot(from.normal)).clamp(0.0, 1.0);
+                    add(&from, index, cos_in, ray.power);
+                }
+            }
+        }
+        if scene.lamps.iter().all(|lamp| is_beam(&lamp.light)) {
+            return;
+        }
+        let Some((from, per_density)) = self.draw(scene, point, rng) else {
+            return;
+        };
+        for (index, lamp) in scene.lamps.iter().enumerate() {
+            if is_beam(&lamp.light) {
+                continue;
+            }
+            if let Some(incident) = arrives(scene, index, &from, rng) {
+                let cos_in = incident.toward.dot(from.normal).min(1.0);
+                let power = per_density * incident.irradiance * cos_in;
+                add(&from, index, cos_in, power);
+            }
+        }
+    }
+
+    /// Light that scattered once on the refracted ray, its way from the lamp taken as straight
+    /// and its length inside as Snell's law would have it.
+    fn once(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
+        let object = &scene.objects[point.object];
+        let media = &object.material.media;
+        // Indices differ little between channels; the ray is that of the first.
+        let inside = part(-view, point.normal, media[0].eta).refracted;
+        if inside.dot(point.true_normal) >= 0.0 {
+            return;
+        }
+        let Some(far) = object.shape.leave(point.at, inside).or(Some(Hit {
+            distance: f64::INFINITY,
+            normal: Vec3::ZERO,
+            face: 0,
+        })) else {
+            return;
+        };
+        let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
+        let free = -(1.0 - uniform(rng)).ln() / media[channel].sigma_t();
+        let density = |s: f64| {
+            let all = media.iter().map(|m| {
+                let sigma_t = m.sigma_t();
+                sigma_t * (-sigma_t * s).exp()
+            });
+            all.sum::<f64>() / media.len() as f64
+        };
+        let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
+        for lamp in &scene.lamps {
+            // Where a beam crosses the ray is known.
+            let (s, per_density) = match lamp.light {
+                Light::Beam {
+                    from,
+                    direction,
+                    spot,
+                } => {
+                    let Some((first, last)) = within_beam(point.at, inside, from, direction, spot)
+                    else {
+                        continue;
+                    };
+                    let (first, last) = (first.max(0.0), last.min(far.distance));
+                    if first >= last {
+                        continue;
+                    }
+                    (first + (last - first) * uniform(rng), last - first)
+                }
+                _ => (free, 1.0 / density(free)),
+            };
+            if s >= far.distance {
+                continue;
+            }
+            let place = point.at + s * inside;
+            let Some(incident) = lamp.light.shine(place, None, rng) else {
+                continue;
+            };
+            let Some(hit) = object.shape.leave(place, incident.toward) else {
+                continue;
+            };
+            let at = place + hit.distance * incident.toward;
+            let beyond = Incident {
+                distance: incident.distance - hit.distance,
+                ..incident
+            };
+            if beyond.distance <= 0.0 || !unhidden(scene, at, &beyond) {
+                continue;
+            }
+            let normal = object.shape.shading_normal(at, &hit);
+            let cos_in = incident.toward.dot(normal);
+            if cos_in <= 0.0 {
+                continue;
+            }
+            for (channel, medium) in media.iter().enumerate() {
+                let &Medium {
+                    sigma_s, eta, g, ..
+                } = medium;
+                let arriving = part(-incident.toward, normal, eta);
+                let Some(inner) = fresnel::refracted_cos(eta, cos_in.min(1.0)) else {
+                    continue;
+                };
+                let length = hit.distance * cos_in / inner;
+                let phase = HenyeyGreenstein { g }.density(-arriving.refracted.dot(inside));
+                let depth = medium.sigma_t() * (s + length);
+                out[channel] += lamp.strength[channel]
+                    * incident.irradiance
+                    * per_density
+                    * (1.0 - arriving.reflectance)
+                    * (cos_in / inner)
+                    * sigma_s
+                    * phase
+                    * (-depth).exp()
+                    * fresnel::entry_factor(eta, cos_out)
+                    / (eta * eta);
+            }
+        }
+    }
+}
+
+impl Shader for Bssrdf {
+    fn shade(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        rng: &mut Stream,
+        single: &mut [f64],
+        diffuse: &mut [f64],
+    ) {
+        self.diffuse(scene, point, view, rng, diffuse);
+        if self.single {
+            self.once(scene, point, view, rng, single);
+        }
+    }
+}
+
+/// Where a ray is inside a beam: first and last length.
+fn within_beam(
+    origin: Vec3,
+    direction: Vec3,
+    from: Vec3,
+    axis: Vec3,
+    spot: Spot,
+) -> Option<(f64, f64)> {
+    let offset = origin - from;
+    let start = offset - offset.dot(axis) * axis;
+    let along = direction - direction.dot(axis) * axis;
+    let (a, b) = (along.length_squared(), start.dot(along));
+    let c = start.length_squared() - spot.extent().powi(2);
+    if a < 1e-18 {
+        return (c < 0.0).then_some((0.0, f64::MAX));
+    }
+    let square = b * b - a * c;
+    (square > 0.0).then(|| ((-b - square.sqrt()) / a, (-b + square.sqrt()) / a))
+}
+
+/// Every point in which a line crosses the surface of a solid.
+fn crossings(shape: &Shape, through: Vec3, axis: Vec3) -> Vec<(Vec3, Hit)> {
+    let Some((low, high)) = shape.bounds() else {
+        // A half-space: once, from the outside.
+        let hit = [axis, -axis].into_iter().find_map(|direction| {
+            let far = through - 1e4 * direction;
+            let hit = shape.enter(far, direction)?;
+            Some((far + hit.distance * direction, hit))
+        });
+        return hit.into_iter().collect();
+    };
+    let size = (high - low).length();
+    let back = (through - 0.5 * (low + high)).length() + size;
+    let mut at = through - back * axis;
+    let mut found = vec![];
+    let mut outside = true;
+    // A line crosses no mesh so often; a hole may leave it where it cannot come out.
+    while found.len() < 1000 {
+        let hit = if outside {
+            shape.enter(at, axis)
+        } else {
+            shape.leave(at, axis)
+        };
+        let Some(hit) = hit else { break };
+        at += hit.distance * axis;
+        found.push((at, hit));
+        outside = !outside;
+    }
+    found
+}

@@ -1,0 +1,185 @@
+//! Pictures from models of the surface: what is common to `brdf` and `bssrdf`.
+//!
+//! A ray of the camera meets the first solid. What the smooth surface mirrors is followed on;
+//! what comes out of the solid is for the model to say. Light goes from the lamp to the solid
+//! without detours: what one solid throws on another is left out.
+
+use crate::Vec3;
+use crate::boundary::part;
+use crate::film::Film;
+use crate::light::Incident;
+use crate::method::{Method, Picture, Planes};
+use crate::scene::Scene;
+use crate::shape::Hit;
+use physics::random::{Stream, stream, uniform};
+
+/// A point of a surface as a model sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Index of the solid.
+    pub object: usize,
+    /// Where it is.
+    pub at: Vec3,
+    /// Normal of the true surface.
+    pub true_normal: Vec3,
+    /// Normal for shading.
+    pub normal: Vec3,
+}
+
+impl Point {
+    pub(crate) fn new(scene: &Scene, object: usize, at: Vec3, hit: &Hit) -> Self {
+        Self {
+            object,
+            at,
+            true_normal: hit.normal,
+            normal: scene.objects[object].shape.shading_normal(at, hit),
+        }
+    }
+}
+
+/// What comes out of a solid at a point toward a camera.
+pub trait Shader: Sync {
+    /// Adds the radiance toward `view`, a unit vector away from the surface, to `single` and
+    /// `diffuse`, which have one number a channel: an estimate without bias of what the model
+    /// says.
+    fn shade(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        rng: &mut Stream,
+        single: &mut [f64],
+        diffuse: &mut [f64],
+    );
+}
+
+/// The method that a shader makes.
+pub struct Shaded<'a, S> {
+    scene: &'a Scene,
+    shader: S,
+    seed: u64,
+    planes: Planes,
+}
+
+/// Mirrors that a ray of the camera may meet before it is given up.
+const MIRRORS: usize = 8;
+
+impl<'a, S: Shader> Shaded<'a, S> {
+    /// Pictures of `scene` by `shader`.
+    pub fn new(scene: &'a Scene, shader: S, seed: u64, components: bool) -> Self {
+        let channels = scene.channels.len();
+        Self {
+            scene,
+            shader,
+            seed,
+            planes: Planes {
+                channels,
+                components,
+            },
+        }
+    }
+
+    /// The shader.
+    pub fn shader(&self) -> &S {
+        &self.shader
+    }
+}
+
+impl<S: Shader> Method for Shaded<'_, S> {
+    fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    fn empty(&self) -> Picture {
+        Picture {
+            radiance: Film::new(self.planes.len() * self.scene.pixels()),
+            powers: Film::new(0),
+        }
+    }
+
+    fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
+        let scene = self.scene;
+        let pixels = scene.pixels();
+        let [width, _] = scene.camera.size();
+        let channels = scene.channels.len();
+        let mut picture = vec![0.0; self.planes.len() * pixels];
+        let all = vec![true; scene.lamps.len()];
+        let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
+        for pixel in 0..pixels {
+            let mut rng = stream(self.seed, &[4, index, pixel as u64]);
+            let x = (pixel % width) as f64 + uniform(&mut rng);
+            let y = (pixel / width) as f64 + uniform(&mut rng);
+            let (mut origin, mut direction) = scene.camera.ray(x, y);
+            // What the mirrors so far have left of the light, in each channel.
+            let mut weight = vec![1.0; channels];
+            let mut add = |channel: usize, order: u32, value: f64| {
+                picture[self.planes.of(channel, order) * pixels + pixel] += value;
+            };
+            for _ in 0..MIRRORS {
+                let entered = scene.enter(origin, direction);
+                let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+                let lit = |channel| scene.lit(channel, origin, direction, within, &all);
+                if lit(0).is_some() {
+                    for (channel, weight) in weight.iter().enumerate() {
+                        add(channel, 0, weight * lit(channel).unwrap_or(0.0));
+                    }
+                    break;
+                }
+                let Some((object, hit)) = entered else {
+                    break;
+                };
+                let at = origin + hit.distance * direction;
+                let mut point = Point::new(scene, object, at, &hit);
+                if point.normal.dot(direction) >= -1e-3 {
+                    // Shading may not show a point from behind.
+                    point.normal = point.true_normal;
+                }
+                single.fill(0.0);
+                diffuse.fill(0.0);
+                self.shader.shade(
+                    scene,
+                    &point,
+                    -direction,
+                    &mut rng,
+                    &mut single,
+                    &mut diffuse,
+                );
+                let media = &scene.objects[object].material.media;
+                let mirrored = part(direction, point.normal, media[0].eta).reflected;
+                for (channel, weight) in weight.iter_mut().enumerate() {
+                    add(channel, 1, *weight * single[channel]);
+                    add(channel, 2, *weight * diffuse[channel]);
+                    *weight *= part(direction, point.normal, media[channel].eta).reflectance;
+                }
+                if mirrored.dot(point.true_normal) <= 0.0 {
+                    break;
+                }
+                origin = at;
+                direction = mirrored;
+            }
+        }
+        (picture, vec![])
+    }
+}
+
+/// Light of a lamp at a point of a surface, if nothing is in the way and it comes from outside.
+pub(crate) fn arrives(
+    scene: &Scene,
+    lamp: usize,
+    point: &Point,
+    rng: &mut Stream,
+) -> Option<Incident> {
+    let light = &scene.lamps[lamp].light;
+    let incident = light.shine(point.at, Some(point.normal), rng)?;
+    let open = point.normal.dot(incident.toward) > 0.0
+        && point.true_normal.dot(incident.toward) > 0.0
+        && unhidden(scene, point.at, &incident);
+    open.then_some(incident)
+}
+
+/// Whether no solid is between a point of a surface and a lamp.
+pub(crate) fn unhidden(scene: &Scene, at: Vec3, incident: &Incident) -> bool {
+    scene
+        .enter(at, incident.toward)
+        .is_none_or(|(_, hit)| hit.distance >= incident.distance)
+}
