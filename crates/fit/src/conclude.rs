@@ -21,6 +21,9 @@ pub(crate) const SCALE: &str = "shared scale";
 pub(crate) const MODEL: &str = "model error";
 /// Standard uncertainties of the scale beyond which it is named.
 const SCALE_OFF: f64 = 4.0;
+/// Standard uncertainties of v from 0 within which the interval of σₐ is that of its profile
+/// likelihood: beyond, the other is as wide to a few percent.
+const NEAR_ZERO: f64 = 8.0;
 const MUCH_LIGHT_OUTSIDE: f64 = 0.05;
 
 /// What a fit says in numbers, without what it takes memory to hold.
@@ -99,12 +102,15 @@ impl Problem<'_> {
         let sigma_a = |v: f64| v.max(0.0) * (v.max(0.0) + 2.0 * c);
         // Of a squared normal variate, whose curvature matters near 0 alone.
         let u_a = (variance_a + 2.0 * u_v.powi(4)).sqrt();
-        let (low, high) = (
-            sigma_a(v - NORMAL_95_TWO_SIDED * u_v),
-            sigma_a(v + NORMAL_95_TWO_SIDED * u_v),
-        );
+        // Near 0 no coordinate makes it symmetric. Under the hard constraint u is noise's alone.
+        let near_zero = !exact && v < NEAR_ZERO * u_v;
+        let mut end = |z: f64| {
+            let likely = near_zero.then(|| self.likelihood_end(solution, z * widened));
+            likely.flatten().unwrap_or_else(|| sigma_a(v + z * u_v))
+        };
+        let (low, high) = (end(-NORMAL_95_TWO_SIDED), end(NORMAL_95_TWO_SIDED));
         let above = data.total.is_some_and(|t| t.total > options.entry_factor);
-        let upper_limit = (low == 0.0 || above).then(|| sigma_a(v + NORMAL_95_ONE_SIDED * u_v));
+        let upper_limit = (low == 0.0 || above).then(|| end(NORMAL_95_ONE_SIDED));
         // Noise that was estimated from the residuals is known as well as they tell it.
         let degrees_of_freedom = if widened > 1.0 {
             freedom

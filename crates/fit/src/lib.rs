@@ -10,6 +10,7 @@
 //! | `geometry` | where the data lie, and what each averages over |
 //! | `problem` | which data with which weight, with pixels counted once |
 //! | `equations` | the normal equations with every nuisance eliminated |
+//! | `likelihood` | the ends of an interval of σₐ near 0, by the profile likelihood |
 //! | `conclude` | from the optimum to numbers with uncertainties |
 //! | `many` | [`fit_many`]: many profiles on the same radii, on all threads |
 //! | `solve` | the search: a scan that cannot miss, then Gauss-Newton |
@@ -23,6 +24,7 @@ mod budget;
 mod conclude;
 mod equations;
 mod geometry;
+mod likelihood;
 mod many;
 mod options;
 mod problem;

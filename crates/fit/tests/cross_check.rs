@@ -212,3 +212,83 @@ fn joint_agrees_with_nelder_mead_in_three_parameters() {
         }
     }
 }
+
+/// The same with σₐ held.
+struct Held<'a> {
+    joint: Joint<'a>,
+    sigma_a: f64,
+}
+
+impl CostFunction for Held<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+    fn cost(&self, p: &Self::Param) -> Result<f64, Error> {
+        self.joint.cost(&vec![self.sigma_a.ln(), p[0], p[1]])
+    }
+}
+
+/// At the ends of an interval near 0 the least χ² has risen by 1.96², as Nelder and Mead find it
+/// with σₐ held; where it never does, the interval begins at 0.
+#[test]
+fn an_interval_near_zero_is_that_of_the_profile_likelihood() {
+    let mut at_zero = 0;
+    for (sigma_a, sigma_s_prime) in [(4e-6, 2.0), (2e-5, 2.0), (6e-5, 2.0), (1e-4, 2.0)] {
+        let medium = ReducedMedium {
+            sigma_a,
+            sigma_s_prime,
+            eta: 1.3,
+        };
+        let profile = profile(medium);
+        let model = DipoleModel::new(medium.eta, DiffuseFresnel::Exact);
+        let measured = Dipole::new(&medium, DiffuseFresnel::Exact).total_reflectance();
+        let options = FitOptions {
+            constraint: Constraint::Joint,
+            range_mm: Some((0.0, 20.0)),
+            u_scale_relative: 0.03,
+            ..Default::default()
+        };
+        let found = fit(&profile, Some(&total(measured, 0.03)), &model, &options).unwrap();
+        let least = |sigma_a: f64| {
+            let held = Held {
+                joint: Joint {
+                    profile: &profile,
+                    total: measured,
+                    u_total: 0.03,
+                    u_scale: 0.03,
+                    eta: medium.eta,
+                },
+                sigma_a,
+            };
+            let at = [medium.sigma_s_prime.ln(), 1.0];
+            let mut simplex = vec![at.to_vec(); 3];
+            for (i, step) in [0.1, 0.02].into_iter().enumerate() {
+                simplex[i + 1][i] += step;
+            }
+            let solver = NelderMead::new(simplex).with_sd_tolerance(1e-9).unwrap();
+            let run = Executor::new(held, solver).configure(|s| s.max_iters(2000));
+            run.run().unwrap().state.best_cost
+        };
+        let best = least(found.sigma_a.value);
+        // The ripple is more than noise, which widens the interval.
+        let rise = |sigma_a: f64| (least(sigma_a) - best) / found.reduced_chi2;
+        let (low, high) = found.sigma_a.ci95;
+        println!(
+            "{medium:?} {:?} {} {}",
+            found.sigma_a,
+            rise(low),
+            rise(high)
+        );
+        // 1.96² and 1.645².
+        assert!((rise(high) / 3.8415 - 1.0).abs() < 1e-3, "{found:?}");
+        if low > 0.0 {
+            assert!((rise(low) / 3.8415 - 1.0).abs() < 1e-3, "{found:?}");
+            assert_eq!(found.upper_limit, None);
+        } else {
+            at_zero += 1;
+            assert!(rise(0.0) < 3.8415, "{found:?}");
+            let limit = found.upper_limit.unwrap();
+            assert!((rise(limit) / 2.7055 - 1.0).abs() < 1e-3, "{found:?}");
+        }
+    }
+    assert!((1..4).contains(&at_zero), "{at_zero}");
+}
