@@ -106,6 +106,7 @@ class Simulation:
     u_reflectance_per_mm2: _Array
     transmittance_per_mm2: _Array
     u_transmittance_per_mm2: _Array
+    tables: dict[str, dict[str, _Array]]
 
 def dipole(radius_mm: ArrayLike, *, sigma_s_prime: float, sigma_a: float, eta: float) -> _Array: ...
 def better_dipole(

@@ -260,6 +260,20 @@ def test_simulate_agrees_with_the_transport_model():
     assert len(run.radius_mm) == 20 and run.photons >= 2e5
 
 
+def test_simulate_returns_every_tally():
+    medium = {"layer": [{"sigma_a_per_mm": 0.0041, "sigma_s_per_mm": 2.62, "eta": 1.5}]}
+    medium["tally"] = {"r_max_mm": 10.0, "r_bins": 4, "angle_bins": 3, "radius_and_angle": True}
+    run = beamspot.simulate(medium, 1e4)
+    joint = run.tables["reflectance_r_angle"]
+    shares = joint["share"].reshape(5, 4)  # with what lies beyond
+    assert np.allclose(shares.sum(axis=0), run.tables["reflectance_angle"]["share"], atol=1e-12)
+    rings = np.pi * np.diff(np.linspace(0.0, 10.0, 5) ** 2)
+    assert np.allclose(shares.sum(axis=1)[:4], run.reflectance_per_mm2 * rings, atol=1e-12)
+    assert np.isnan(joint["radius_max_mm"]).sum() == 4
+    with refused("radius and angle", "bins of both"):
+        beamspot.simulate({**medium, "tally": {"radius_and_angle": True}}, 1e4)
+
+
 CAMERA = """
 width = 300
 height = 300

@@ -8,6 +8,7 @@
 mod common;
 
 use common::{beamspot, capture, copy_capture, names};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -385,7 +386,8 @@ fn an_interrupt_leaves_nothing() {
 
 const MARBLE: &str = "[[layer]]\nsigma_a_per_mm = 0.0041\nsigma_s_per_mm = 2.62\neta = 1.5\n\
                       [tally]\nangle_bins = 9\norders = 5\nz_max_mm = 10\nz_bins = 10\n\
-                      path_max_mm = 100\npath_bins = 10\n";
+                      path_max_mm = 100\npath_bins = 10\nradius_and_angle = true\n\
+                      depth_and_radius = true\n";
 
 #[test]
 fn a_simulation_goes_on_where_it_stopped_with_the_same_bytes() {
@@ -411,7 +413,7 @@ fn a_simulation_goes_on_where_it_stopped_with_the_same_bytes() {
     simulate("in-two", "3e4", "1");
     simulate("in-two", "1e5", "1");
     let files = names(&path.join("at-once"));
-    assert_eq!(files.len(), 12, "{files:?}");
+    assert_eq!(files.len(), 15, "{files:?}");
     for name in files {
         let [a, b] = ["at-once", "in-two"].map(|f| fs::read(path.join(f).join(&name)).unwrap());
         assert!(a == b, "{} differs", name.display());
@@ -423,6 +425,36 @@ fn a_simulation_goes_on_where_it_stopped_with_the_same_bytes() {
         totals["energy_error"].as_f64().unwrap().abs() < 1e-6,
         "{totals}"
     );
+
+    // A tally of two quantities, summed over one, is that of the other: to rounding of the shares.
+    for (joint, single) in [
+        ("reflectance_r_angle", "reflectance_angle"),
+        ("absorbed_z_r", "absorbed_z"),
+    ] {
+        let by_second = if single == "absorbed_z" { 0 } else { 2 };
+        let shares = |name: &str, key: usize| {
+            let text = fs::read_to_string(path.join(format!("at-once/{name}.csv"))).unwrap();
+            let share = text
+                .lines()
+                .next()
+                .unwrap()
+                .split(',')
+                .position(|c| c == "share");
+            let mut sums = BTreeMap::<String, f64>::new();
+            for line in text.lines().skip(1) {
+                let cells: Vec<&str> = line.split(',').collect();
+                let value: f64 = cells[share.unwrap()].parse().unwrap();
+                *sums.entry(cells[key].to_owned()).or_default() += value;
+            }
+            sums
+        };
+        let (joint, single) = (shares(joint, by_second), shares(single, 0));
+        assert_eq!(joint.len(), single.len());
+        assert!(single.values().sum::<f64>() > 0.1);
+        for (edge, share) in single {
+            assert!((joint[&edge] - share).abs() < 1e-9, "{edge}: {joint:?}");
+        }
+    }
 
     // The profile is one that `fit` takes.
     let fit = [

@@ -129,10 +129,14 @@ pub struct TallyEntry {
     pub r_bins: usize,
     /// Bins of the angle of exit from 0 to 90 degrees. Default 0: none.
     pub angle_bins: usize,
+    /// Also by radius and angle of exit together.
+    pub radius_and_angle: bool,
     /// Deepest depth of the absorption tally, mm.
     pub z_max_mm: f64,
     /// Its bins. Default 0: none; it doubles the time.
     pub z_bins: usize,
+    /// Also absorption by depth and radius together.
+    pub depth_and_radius: bool,
     /// Highest order of scattering told apart. Default 0: none.
     pub orders: usize,
     /// Longest path told apart, mm.
@@ -150,8 +154,10 @@ impl Default for TallyEntry {
             r_max_mm: 20.0,
             r_bins: 200,
             angle_bins: 0,
+            radius_and_angle: false,
             z_max_mm: 0.0,
             z_bins: 0,
+            depth_and_radius: false,
             orders: 0,
             path_max_mm: 0.0,
             path_bins: 0,

@@ -88,6 +88,26 @@ impl Layout {
             depth_and_radius: spec.depth_and_radius,
             layers,
         };
+        let [radius, angle, depth] =
+            [&layout.radius, &layout.angle, &layout.depth].map(|bins| bins.count() > 0);
+        for (asked, whole, rows, columns) in [
+            (
+                spec.radius_and_angle,
+                radius && angle,
+                Axis::Radius,
+                Axis::Angle,
+            ),
+            (
+                spec.depth_and_radius,
+                depth && radius,
+                Axis::Depth,
+                Axis::Radius,
+            ),
+        ] {
+            if asked && !whole {
+                return Err(InvalidSimulation::Joint { rows, columns });
+            }
+        }
         let side = layout.side_cells();
         match layout.cells().max(side) {
             cells if cells > MOST_CELLS => Err(InvalidSimulation::TooManyCells {
@@ -100,7 +120,7 @@ impl Layout {
 
     fn joint_exit_cells(&self) -> usize {
         if self.radius_and_angle {
-            self.radius.cells() * self.angle.cells()
+            self.radius.cells().saturating_mul(self.angle.cells())
         } else {
             0
         }
@@ -172,7 +192,7 @@ impl Layout {
 
     pub(crate) fn cells(&self) -> usize {
         let joint = if self.depth_and_radius {
-            self.depth.cells() * self.radius.cells()
+            self.depth.cells().saturating_mul(self.radius.cells())
         } else {
             0
         };

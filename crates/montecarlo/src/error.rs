@@ -77,6 +77,14 @@ pub enum InvalidSimulation {
         /// Cells allowed.
         limit: usize,
     },
+    /// A tally of two quantities together, one of which has no bins.
+    #[error("a tally by {rows} and {columns} together needs bins of both")]
+    Joint {
+        /// One quantity.
+        rows: Axis,
+        /// The other.
+        columns: Axis,
+    },
     /// A cut-off of the path that is not a positive length.
     #[error("the cut-off for the path length must be above 0 mm, got {path_mm} mm")]
     Cutoff {

@@ -21,6 +21,7 @@
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
 //! | [`simulation`] | Monte Carlo simulations as files |
+//! | [`tallies`] | the tallies of a simulation as tables |
 //! | [`spot`] | centre and width of a beam |
 //! | [`synthesis`] | synthetic captures as files |
 //! | [`medium`] | layered media from their files |
@@ -63,6 +64,7 @@ pub mod sphere;
 pub mod spot;
 pub mod stray;
 pub mod synthesis;
+pub mod tallies;
 pub mod unknown_g;
 pub mod verdict;
 

@@ -6,10 +6,11 @@ use crate::files::{Outputs, read, read_text};
 use crate::fit_json::SCHEMA_VERSION;
 use crate::medium::layered_medium;
 use crate::monitor::Monitor;
+use crate::tallies::{SIDES, tables};
 use formats::medium_toml::{self, BeamEntry, BeamKind, MediumFile, TallyEntry};
 use montecarlo::{
-    Binned, Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally,
-    TallySpec, TallyState, Walk, solid_angle,
+    Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally, TallySpec,
+    TallyState, Walk,
 };
 use physics::footprint::Beam;
 use physics::{LayeredMedium, RadialProfile, Slab};
@@ -108,7 +109,7 @@ impl Totals {
 }
 
 /// Names of the files of a simulation that counts everything.
-const NAMES: [&str; 12] = [
+const NAMES: [&str; 15] = [
     "totals.json",
     "state.json",
     "reflectance_r.csv",
@@ -120,6 +121,9 @@ const NAMES: [&str; 12] = [
     "reflectance_path.csv",
     "transmittance_path.csv",
     "absorbed_z.csv",
+    "reflectance_r_angle.csv",
+    "transmittance_r_angle.csv",
+    "absorbed_z_r.csv",
     "medium.toml",
 ];
 
@@ -347,10 +351,10 @@ fn tally_spec(tally: &TallyEntry) -> TallySpec {
     TallySpec {
         radius_mm: edges(tally.r_max_mm, tally.r_bins),
         angle_bins: tally.angle_bins,
-        radius_and_angle: false,
+        radius_and_angle: tally.radius_and_angle,
         azimuth_bins: 0,
         depth_mm: edges(tally.z_max_mm, tally.z_bins),
-        depth_and_radius: false,
+        depth_and_radius: tally.depth_and_radius,
         orders: tally.orders,
         path_mm: edges(tally.path_max_mm, tally.path_bins),
         path_cutoff_mm: tally.path_cutoff_mm,
@@ -415,7 +419,7 @@ fn write(
     outputs.write("medium.toml", |out| Ok(out.write_all(text.as_bytes())?))?;
 
     let spec = &file.tally;
-    for (side, name) in [(Side::Above, "reflectance"), (Side::Below, "transmittance")] {
+    for (side, name) in SIDES {
         if spec.r_bins > 0 {
             let profile = RadialProfile {
                 channel: "Y".to_owned(),
@@ -428,58 +432,13 @@ fn write(
                 )?)
             })?;
         }
-        if spec.angle_bins > 0 {
-            let header = "angle_min_deg,angle_max_deg,share,u_share,share_per_sr,u_share_per_sr";
-            let measure = |low: f64, high: f64| solid_angle(low, high);
-            let text = binned(header, &tally.by_angle(side), |a| a.to_degrees(), measure);
-            outputs.write(format!("{name}_angle.csv"), |out| {
-                Ok(out.write_all(text.as_bytes())?)
-            })?;
-        }
-        if spec.orders > 0 {
-            let orders = tally.by_order(side);
-            let mut text = "order,share,u_share\n".to_owned();
-            for (order, share) in orders.bins.iter().enumerate() {
-                text += &format!("{order},{},{}\n", share.value, share.u);
-            }
-            text += &format!("more,{},{}\n", orders.beyond.value, orders.beyond.u);
-            outputs.write(format!("{name}_order.csv"), |out| {
-                Ok(out.write_all(text.as_bytes())?)
-            })?;
-        }
-        if spec.path_bins > 0 {
-            let header = "path_min_mm,path_max_mm,share,u_share,share_per_mm,u_share_per_mm";
-            let text = binned(header, &tally.by_path(side), |x| x, |low, high| high - low);
-            outputs.write(format!("{name}_path.csv"), |out| {
-                Ok(out.write_all(text.as_bytes())?)
-            })?;
-        }
     }
-    if let Some(depth) = tally.absorbed_by_depth() {
-        let header = "depth_min_mm,depth_max_mm,share,u_share,share_per_mm,u_share_per_mm";
-        let text = binned(header, &depth, |x| x, |low, high| high - low);
-        outputs.write("absorbed_z.csv", |out| Ok(out.write_all(text.as_bytes())?))?;
+    for table in tables(spec, tally) {
+        outputs.write(format!("{}.csv", table.name), |out| {
+            Ok(out.write_all(table.csv().as_bytes())?)
+        })?;
     }
     Ok(())
-}
-
-/// A tally as csv; its last row, without an upper edge, holds what lies beyond.
-fn binned(
-    header: &str,
-    tally: &Binned,
-    unit: impl Fn(f64) -> f64,
-    measure: impl Fn(f64, f64) -> f64,
-) -> String {
-    let mut text = format!("{header}\n");
-    let densities = tally.density(&measure);
-    for ((edges, share), density) in tally.edges.windows(2).zip(&tally.bins).zip(densities) {
-        let (low, high) = (unit(edges[0]), unit(edges[1]));
-        let row = [low, high, share.value, share.u, density.value, density.u];
-        text += &(row.map(|n| n.to_string()).join(",") + "\n");
-    }
-    let last = tally.edges.last().map_or(0.0, |e| unit(*e));
-    text += &format!("{last},,{},{},,\n", tally.beyond.value, tally.beyond.u);
-    text
 }
 
 /// What a photon count finds of one homogeneous half-space under a beam.

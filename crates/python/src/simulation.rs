@@ -2,11 +2,12 @@
 
 use crate::fitting::objects;
 use crate::{Signals, raised, refused};
-use formats::medium_toml::{self, MediumFile};
+use formats::medium_toml::{self, MediumFile, TallyEntry};
 use montecarlo::{Side, Tally};
 use numpy::PyArray1;
 use physics::ProfilePoint;
 use pipeline::simulation::{self, Totals};
+use pipeline::tallies::tables;
 use pipeline::{files, medium};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -17,6 +18,7 @@ use std::path::PathBuf;
 pub(crate) struct Simulation {
     totals: Totals,
     tally: Tally,
+    spec: TallyEntry,
 }
 
 impl Simulation {
@@ -75,6 +77,23 @@ impl Simulation {
         self.column(py, Side::Below, |p| p.u_reflectance_per_mm2)
     }
 
+    /// Every other tally that the medium asks for, as `simulate` writes it to a file of that name:
+    /// {"reflectance_angle": {"angle_min_deg": (n,), ..., "share": (n,), "u_share": (n,), ...}}.
+    /// What lies beyond the last bin has rows of its own; NaN stands where the file is blank.
+    #[getter]
+    fn tables<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        for table in tables(&self.spec, &self.tally) {
+            let columns = PyDict::new(py);
+            for (i, name) in table.columns.iter().enumerate() {
+                let column = table.rows.iter().map(|row| row[i].unwrap_or(f64::NAN));
+                columns.set_item(name, PyArray1::from_iter(py, column))?;
+            }
+            out.set_item(table.name, columns)?;
+        }
+        Ok(out)
+    }
+
     fn __repr__(&self) -> String {
         format!("Simulation({} photons)", self.tally.photons())
     }
@@ -122,5 +141,9 @@ pub(crate) fn simulate(
     let file = read_medium(py, medium)?;
     let run = py.detach(|| simulation::run(&file, photons as u64, seed, simd, &Signals));
     let (totals, tally) = run.map_err(|e| raised(&e))?;
-    Ok(Simulation { totals, tally })
+    Ok(Simulation {
+        totals,
+        tally,
+        spec: file.tally,
+    })
 }

@@ -11,6 +11,8 @@ type C = Complex<f64>;
 
 /// Radius below which the light within is summed from the beam outward, 1/σₜ′.
 const NEAR_RADIUS: f64 = 1.0;
+/// Steps of e from the first radius inward over which the light within is summed.
+const INNERMOST: f64 = 7.0;
 /// Decay e^(−κr) to which the sum over the contour holds, as κr.
 const FARTHEST_DECAY: f64 = 18.5;
 
@@ -105,12 +107,17 @@ impl Solution {
         let mut last = f64::NEG_INFINITY;
         for &r in radii.iter().take_while(|&&r| r < NEAR_RADIUS) {
             let ln_r = r.ln();
-            // Nearest to the beam the exitance is ∝ 1/r.
-            sum += if last.is_finite() {
-                rule.integrate(last, ln_r, density)
-            } else {
-                density(ln_r)
-            };
+            if last == f64::NEG_INFINITY {
+                // Nearest to the beam the exitance is ∝ 1/r; what scattered twice, ∝ ln 1/r,
+                // is a percent of it at the first radius of the table.
+                last = ln_r - INNERMOST;
+                sum = density(last);
+                while last < ln_r - 1.0 {
+                    sum += rule.integrate(last, last + 1.0, density);
+                    last += 1.0;
+                }
+            }
+            sum += rule.integrate(last, ln_r, density);
             near.push(sum);
             last = ln_r;
         }
