@@ -1,13 +1,44 @@
 //! Nanoseconds per scattering: the scalar walk and every instruction path, in one process, and what
 //! the pieces of a scattering cost in lanes.
 //!
-//! `cargo bench -p beamspot-montecarlo`. One thread. Each figure is the best of three runs.
+//! `cargo bench -p beamspot-montecarlo`. One thread. Each figure is the best of three runs. Where
+//! there is a C compiler, `plain_walk.c` runs beside the scalar walk.
 #![expect(clippy::print_stdout, reason = "a bench prints")]
 
 use montecarlo::pieces::{Piece, Pieces};
 use montecarlo::{Incidence, Layer, LayeredMedium, Phase, SimdPath, Simulation, TallySpec, Walk};
 use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Instant;
+
+/// `plain_walk.c`, compiled with all that the compiler has for this machine.
+fn plain_c() -> Option<PathBuf> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/plain_walk.c");
+    let program = std::env::temp_dir().join(format!("plain_walk_{}", std::process::id()));
+    let compiled = Command::new("cc")
+        .args(["-O3", "-march=native", "-o"])
+        .args([&program, &source])
+        .arg("-lm")
+        .status();
+    compiled
+        .is_ok_and(|status| status.success())
+        .then_some(program)
+}
+
+/// Its nanoseconds per scattering in the half-space `layer`.
+fn plain_cost(program: &Path, layer: &Layer, photons: u64) -> Option<f64> {
+    let Phase::HenyeyGreenstein { g } = layer.phase else {
+        return None;
+    };
+    let numbers = [layer.sigma_a, layer.sigma_s, g, layer.eta, photons as f64];
+    let output = Command::new(program)
+        .args(numbers.map(|x| x.to_string()))
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    text.split_whitespace().next()?.parse().ok()
+}
 
 /// Nanoseconds of one piece in one lane.
 fn cost(piece: Piece, path: SimdPath) -> f64 {
@@ -65,7 +96,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         radius_mm: (0..=200).map(|k| 0.05 * f64::from(k)).collect(),
         ..TallySpec::default()
     };
+    let plain = plain_c();
     for (name, photons, layers) in media() {
+        let half_space = match &layers[..] {
+            [layer] => Some(layer.clone()),
+            _ => None,
+        };
         let medium = LayeredMedium {
             layers,
             eta_above: 1.0,
@@ -89,7 +125,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             };
             let mut best = f64::INFINITY;
             let mut rate = 0.0;
+            let mut in_c = f64::INFINITY;
             for _ in 0..3 {
+                if let (Walk::Scalar, Some(program), Some(layer)) = (walk, &plain, &half_space) {
+                    in_c = plain_cost(program, layer, photons).map_or(in_c, |ns| in_c.min(ns));
+                }
                 let clock = Instant::now();
                 let tally = pool.install(|| simulation.run_photons(photons))?;
                 let seconds = clock.elapsed().as_secs_f64();
@@ -105,7 +145,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 format!("{walk:?}"),
                 reference / best,
             );
+            if in_c.is_finite() {
+                println!("  {:24} {in_c:7.2} ns/scattering", "plain C");
+            }
         }
+    }
+    if let Some(program) = plain {
+        std::fs::remove_file(program)?;
     }
     println!("pieces of a scattering, ns per lane");
     use Piece::{Division, Logarithm, SineAndCosine, SquareRoot};

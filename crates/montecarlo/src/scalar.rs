@@ -46,13 +46,14 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
     // z is measured from the top of the layer.
     let (mut layer, mut z) = (0, 0.0);
     let (mut depth, mut path, mut order) = (-(-specular).ln_1p(), 0.0, 0_u32);
+    let mut weight = (-depth).exp();
     let mut absorbed = 0.0;
 
     loop {
         let here = &medium.layers[layer];
         let free = -(1.0 - random.uniform()).ln() / here.sigma_s;
         let boundary = if uz > 0.0 { here.thickness() } else { 0.0 };
-        let to_boundary = if uz == 0.0 {
+        let to_boundary = if uz == 0.0 || boundary == f64::INFINITY {
             f64::INFINITY
         } else {
             ((boundary - z) / uz).max(0.0)
@@ -61,11 +62,12 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
         let length = if leaves { to_boundary } else { free };
 
         // Nothing is lost in a layer without absorption, however long the flight.
-        let before = depth;
+        let (before, heavier) = (depth, weight);
         if here.sigma_a > 0.0 {
             depth += here.sigma_a * length;
+            weight = (-depth).exp();
         }
-        let lost = (-before).exp() - (-depth).exp();
+        let lost = heavier - weight;
         absorbed += lost;
         cells.absorb_in_layer(layer, lost);
         if follows {
@@ -83,7 +85,7 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
         z = if leaves { boundary } else { z + uz * length };
         path += length;
         if path > problem.path_cutoff {
-            cells.cut_off((-depth).exp());
+            cells.cut_off(weight);
             break;
         }
 
@@ -104,7 +106,7 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
                     layer = next;
                 }
                 Meeting::Left { side, cos } => {
-                    let (weight, radius) = ((-depth).exp(), x.hypot(y));
+                    let radius = x.hypot(y);
                     cells.leave(&Exit {
                         side,
                         weight,
@@ -126,7 +128,7 @@ fn walk(problem: &Problem, photon: u64, trail: &mut Trail, cells: &mut BlockCell
             (ux, uy, uz) = turned([ux, uy, uz], v, cos_phi, sin_phi);
             if depth > ROULETTE_DEPTH {
                 match roulette(depth, random.uniform(), cells) {
-                    Some(risen) => depth = risen,
+                    Some(risen) => (depth, weight) = (risen, (-risen).exp()),
                     None => break,
                 }
             }

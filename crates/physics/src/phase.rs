@@ -57,8 +57,11 @@ impl Phase {
     /// 1 − cos θ at the share `xi`, in [0, 1), of the distribution over cos θ from -1 upward.
     ///
     /// One minus the cosine, because a forward peak would lose its digits in the cosine itself.
+    #[inline]
     pub fn one_minus_cos(&self, xi: f64) -> f64 {
         match self {
+            // What follows gives the same; isotropic walks are spared its division.
+            Self::HenyeyGreenstein { g: 0.0 } => 2.0 * (1.0 - xi),
             // Henyey and Greenstein's usual inverse, multiplied out: no division by g is left.
             Self::HenyeyGreenstein { g } => {
                 let ratio = (1.0 - g) / (1.0 - g + 2.0 * g * xi);

@@ -9,8 +9,8 @@ use crate::monitor::Monitor;
 use crate::tallies::{SIDES, tables};
 use formats::medium_toml::{self, BeamEntry, BeamKind, MediumFile, TallyEntry};
 use montecarlo::{
-    Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally, TallySpec,
-    TallyState, Walk,
+    Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally,
+    TallySpec, TallyState, Walk,
 };
 use physics::footprint::Beam;
 use physics::{LayeredMedium, RadialProfile, Slab};

@@ -71,7 +71,7 @@ pub struct Domain {
 /// This is what a photon random walk converges to and what the dipole approximates. It is read
 /// from a table of ln(R_d / closed form) that [`crate::build`] fills without noise. Where to trust
 /// it say [`Self::domain`] and [`Self::relative_error`]; outside, the table's edge is continued
-/// (toward the beam as a power of the radius, far out and in blacker media as a constant ratio to
+/// (toward the beam as 1/r, far out and in blacker media as a constant ratio to
 /// the closed form).
 ///
 /// ```
@@ -382,7 +382,10 @@ impl Point<'_> {
 type Knot = ([f64; 2], [f64; 2]);
 
 /// The spline over ln ρ through the knots that `knot` gives by number, at `ln_radius`: value,
-/// ∂/∂ln ρ, ∂/∂k. Nearer than the first knot it goes on straight, beyond the last it stays.
+/// ∂/∂ln ρ, ∂/∂k. Beyond the last knot it stays.
+///
+/// Nearer than the first knot only light that scattered once counts in the end: exitance and the
+/// light within, over their closed forms, go like 1/ρ, and what is left of the slope dies like ρ.
 fn along(ln_radius: f64, knot: impl Fn(usize) -> Knot) -> [f64; 3] {
     let (panel, place) = LN_RADIUS.locate(ln_radius);
     let ([y0, b0], [y0k, b0k]) = knot(panel);
@@ -393,12 +396,17 @@ fn along(ln_radius: f64, knot: impl Fn(usize) -> Knot) -> [f64; 3] {
     let mix = |w: &[f64; 4], y: [f64; 4]| w[0] * y[0] + w[1] * y[1] + w[2] * y[2] + w[3] * y[3];
     let blend = Blend::at(place.max(0.0));
     let (y, yk) = ([y0, y1, b0, b1], [y0k, y1k, b0k, b1k]);
-    let slope = mix(&blend.slope, y);
-    let outside = place.min(0.0);
+    let slope = mix(&blend.slope, y) / LN_RADIUS.step;
+    let (value, in_k) = (mix(&blend.value, y), mix(&blend.value, yk));
+    if place >= 0.0 {
+        return [value, slope, in_k];
+    }
+    let inward = place * LN_RADIUS.step;
+    let left = inward.exp_m1();
     [
-        mix(&blend.value, y) + slope * outside,
-        slope / LN_RADIUS.step,
-        mix(&blend.value, yk) + mix(&blend.slope, yk) * outside,
+        value - inward + (slope + 1.0) * left,
+        (slope + 1.0) * inward.exp() - 1.0,
+        in_k + mix(&blend.slope, yk) / LN_RADIUS.step * left,
     ]
 }
 
@@ -417,8 +425,8 @@ impl ForwardModel for TransportModel {
     ///
     /// From two mean free paths 1/σₜ outward it is 0.04 % in bright media. Within them the
     /// harmonics do not resolve light that scattered forward a few times: about 1 % at g = 0.95,
-    /// 0.4 % at 0.8, nothing below 0.6. Nearer to the beam than some hundredths of 1/σₜ′ a power
-    /// law goes on, off by 1 %; below α′ = 0.2 the last percent of the light, far out, is
+    /// 0.4 % at 0.8, nothing below 0.6. Nearer to the beam than some thousandths of 1/σₜ′ the
+    /// continuation of the table is off by up to 0.5 %; below α′ = 0.2 the last percent of the light, far out, is
     /// interpolated no better than to some percent.
     fn relative_error(&self, coefficients: Coefficients, radius: f64) -> f64 {
         let rho = radius * coefficients.sigma_t_prime();
@@ -428,11 +436,11 @@ impl ForwardModel for TransportModel {
         // Coefficients that cover 8 media near the beam and 12 simulations, see `tests`; the 40
         // of the example `forty_media` judge them.
         let near = 1.0 / (1.0 + (mean_free_paths / 1.5).powi(2));
-        let beam = 1.0 / (1.0 + (rho / 0.01).powi(2));
+        let beam = 1.0 / (1.0 + (rho / 0.002).powi(2));
         let far = rho * rho / (rho * rho + 4.0);
         4e-4 + 2e-3 * dark * dark
             + near * (5e-4 + 0.014 * self.g.max(0.0).powi(6))
-            + 0.01 * beam
+            + 0.005 * beam
             + far * 0.08 * dark.powi(8)
     }
 
