@@ -304,10 +304,28 @@ pub fn fit_channel(
     let own_error = |p: &ProfilePoint| model.relative_error(found, p.radius_mm);
     let points = &neighbours.case.profile.points;
     if points.iter().any(|p| own_error(p) > 0.0) {
-        // The whole profile off by the model's own standard error, the total not: the worst way.
-        neighbours.add("model's own numerics", [-1.0, 1.0], 0.5, |case, sign| {
-            case.scale(|p| 1.0 + sign * own_error(p), 1.0);
-        })?;
+        // What the model lacks varies slowly over ln r, nobody knows how: the whole profile off by
+        // the model's own standard error, the total not, and one end of it off against the other.
+        let radii = points.iter().map(|p| p.radius_mm.ln());
+        let (low, high) = radii
+            .filter(|x| x.is_finite())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+        let tilt = |p: &ProfilePoint| {
+            let place = 2.0 * (p.radius_mm.ln() - low) / (high - low) - 1.0;
+            place.clamp(-1.0, 1.0)
+        };
+        let level = |_: &ProfilePoint| 1.0;
+        let shapes: [(&str, &dyn Fn(&ProfilePoint) -> f64); 2] = [
+            ("model's own numerics", &level),
+            ("model's own numerics, near against far", &tilt),
+        ];
+        for (name, shape) in shapes {
+            neighbours.add(name, [-1.0, 1.0], 0.5, |case, sign| {
+                case.scale(|p| 1.0 + sign * own_error(p) * shape(p), 1.0);
+            })?;
+        }
     }
     if let Some(near) = near {
         // The discrepancy was taken there: where the form goes elsewhere all the same, it and

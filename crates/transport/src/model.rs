@@ -426,7 +426,7 @@ impl ForwardModel for TransportModel {
     /// From two mean free paths 1/σₜ outward it is 0.04 % in bright media. Within them the
     /// harmonics do not resolve light that scattered forward a few times: about 1 % at g = 0.95,
     /// 0.4 % at 0.8, nothing below 0.6. Nearer to the beam than some thousandths of 1/σₜ′ the
-    /// continuation of the table is off by up to 0.5 %; below α′ = 0.2 the last percent of the light, far out, is
+    /// continuation of the table is off by 0.5 to 1 %; below α′ = 0.2 the last percent of the light, far out, is
     /// interpolated no better than to some percent.
     fn relative_error(&self, coefficients: Coefficients, radius: f64) -> f64 {
         let rho = radius * coefficients.sigma_t_prime();
@@ -440,7 +440,7 @@ impl ForwardModel for TransportModel {
         let far = rho * rho / (rho * rho + 4.0);
         4e-4 + 2e-3 * dark * dark
             + near * (5e-4 + 0.014 * self.g.max(0.0).powi(6))
-            + 0.005 * beam
+            + 0.007 * beam
             + far * 0.08 * dark.powi(8)
     }
 
