@@ -1,5 +1,6 @@
 //! What one datum of a profile averages over: its ring, the beam's width, the camera's pixel.
 
+use crate::bessel::scaled_bessel_i0;
 use crate::medium::Coefficients;
 use crate::model::{ForwardModel, Gradient};
 use crate::profile::ProfilePoint;
@@ -107,6 +108,59 @@ impl Blur {
         (beam + pixel).sqrt()
     }
 
+    /// Light per area that a single bright point leaves at `radius` mm from it, mm⁻²; without any
+    /// blur none.
+    pub fn density(&self, radius: f64) -> f64 {
+        let variance = self.standard_deviation_mm().powi(2);
+        match &self.beam {
+            _ if variance == 0.0 => 0.0,
+            Beam::Measured(spread) => spread.density(radius),
+            Beam::Point | Beam::Gaussian { .. } => {
+                (-0.5 * radius * radius / variance).exp() / (2.0 * PI * variance)
+            }
+            // Four times the variance along one axis is the square of its radius.
+            Beam::Disk { .. } if radius * radius > 4.0 * variance => 0.0,
+            Beam::Disk { .. } => 1.0 / (4.0 * PI * variance),
+        }
+    }
+
+    /// Distance from a point beyond which it leaves no light that counts, mm.
+    fn reach_mm(&self) -> f64 {
+        match &self.beam {
+            Beam::Measured(spread) => spread.radius_holding(1.0),
+            Beam::Disk { .. } => 2.0 * self.standard_deviation_mm(),
+            // Beyond six standard deviations lies 1.5e-8 of the light.
+            Beam::Point | Beam::Gaussian { .. } => 6.0 * self.standard_deviation_mm(),
+        }
+    }
+
+    /// Light per area that a point at `radius` from the beam leaves on average on the circle of
+    /// radius `s` about the beam, mm⁻².
+    fn on_circle(&self, radius: f64, s: f64) -> f64 {
+        // Share of the circle that lies within `edge` of the point.
+        let arc = |edge: f64| {
+            let cos = (radius * radius + (s - edge) * (s + edge)) / (2.0 * radius * s);
+            cos.clamp(-1.0, 1.0).acos() / PI
+        };
+        let area = |inner: f64, outer: f64| PI * (outer - inner) * (outer + inner);
+        match &self.beam {
+            Beam::Measured(spread) => spread
+                .rings()
+                .map(|(inner, outer, share)| share / area(inner, outer) * (arc(outer) - arc(inner)))
+                .sum(),
+            Beam::Disk { .. } => {
+                let edge = self.reach_mm();
+                arc(edge) / area(0.0, edge)
+            }
+            Beam::Point | Beam::Gaussian { .. } => {
+                let variance = self.standard_deviation_mm().powi(2);
+                (-0.5 * (radius - s).powi(2) / variance).exp()
+                    * scaled_bessel_i0(radius * s / variance)
+                    / (2.0 * PI * variance)
+            }
+        }
+    }
+
     /// Radius from which a profile can be read although its convolution with the beam is known
     /// no better than the beam is, mm.
     ///
@@ -197,8 +251,17 @@ impl Footprints {
 
     /// What `model` says of every datum, per power that enters, into `out`.
     pub fn reflectance(&self, model: &dyn ForwardModel, at: Coefficients, out: &mut [f64]) {
+        self.mean(
+            |radii, values| model.diffuse_reflectance(at, radii, values),
+            out,
+        );
+    }
+
+    /// The average that every datum saw of a function of radius, which fills one value for each
+    /// radius it is given, into `out`.
+    pub fn mean(&self, function: impl FnOnce(&[f64], &mut [f64]), out: &mut [f64]) {
         let mut values = vec![0.0; self.radii.len()];
-        model.diffuse_reflectance(at, &self.radii, &mut values);
+        function(&self.radii, &mut values);
         debug_assert_eq!(out.len(), self.len());
         let mut start = 0;
         for (out, &end) in out.iter_mut().zip(&self.ends) {
@@ -287,12 +350,23 @@ fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
     let outermost = ring.iter().fold(0.0_f64, |m, (r, _)| m.max(*r));
     // Far out the distribution is narrow beside the radius and a few nodes are exact.
     let relative = (spread + 0.3 * (outermost - innermost)) / outermost.max(spread);
-    let (nodes, fine, angles) = match relative {
-        x if x < 0.03 => (3, 10, 12),
-        x if x < 0.1 => (5, 16, 24),
-        x if x < 0.25 => (9, 24, 32),
-        _ => (20, 40, 64),
+    let (nodes, samples) = match relative {
+        x if x < 0.03 => (3, displaced(ring, blur, 10, 12)),
+        x if x < 0.1 => (5, displaced(ring, blur, 16, 24)),
+        x if x < 0.25 => (9, displaced(ring, blur, 24, 32)),
+        _ => (20, about_the_beam(ring, blur)),
     };
+    // Toward the beam light that scattered once goes like 1/r: radius times a model is smooth.
+    let by_radius: Vec<_> = samples.into_iter().map(|(r, w)| (r, w / r)).collect();
+    let mut rule = gauss_rule(&by_radius, nodes);
+    for (radius, weight) in &mut rule {
+        *weight *= *radius;
+    }
+    rule
+}
+
+/// `ring`, each radius displaced by `fine` distances in `angles` directions.
+fn displaced(ring: &[(f64, f64)], blur: &Blur, fine: usize, angles: usize) -> Vec<(f64, f64)> {
     let mut samples = Vec::with_capacity(ring.len() * fine * angles);
     let displacements = blur.displacements(fine);
     for &(radius, ring_weight) in ring {
@@ -305,8 +379,35 @@ fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
             }
         }
     }
-    gauss_rule(&samples, nodes)
+    samples
 }
+
+/// The same by what the blur about each radius leaves on circles about the beam: displacements
+/// that reach the beam itself would sample the steep light there by chance.
+fn about_the_beam(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
+    let reach = blur.reach_mm();
+    let mut samples = vec![];
+    for &(radius, ring_weight) in ring {
+        let (low, high) = ((radius - reach).max(0.0), radius + reach);
+        let start = samples.len();
+        let width = (high - low) / f64::from(PANELS);
+        for panel in 0..PANELS {
+            let from = low + f64::from(panel) * width;
+            samples.extend(legendre(NODES_PER_PANEL, from, from + width, |s| {
+                2.0 * PI * s * blur.on_circle(radius, s)
+            }));
+        }
+        let sum: f64 = samples[start..].iter().map(|(_, w)| w).sum();
+        for (_, weight) in &mut samples[start..] {
+            *weight *= ring_weight / sum;
+        }
+    }
+    samples
+}
+
+/// Panels of a blur across its reach, and nodes in each.
+const PANELS: u32 = 16;
+const NODES_PER_PANEL: usize = 8;
 
 /// The Gauss rule with `count` nodes of a discrete measure (Stieltjes' procedure, then the
 /// eigenvalues of the Jacobi matrix after Golub and Welsch 1969).
@@ -404,6 +505,22 @@ mod tests {
         let model = DipoleModel::new(medium.eta, DiffuseFresnel::Exact);
         Footprints::new(points, blur).reflectance(&model, medium.coefficients(), &mut out);
         out
+    }
+
+    #[test]
+    fn a_point_keeps_its_light_under_every_blur() {
+        let disk = Beam::Disk { fwhm_mm: 0.8 };
+        for beam in [Beam::Point, Beam::Gaussian { fwhm_mm: 0.5 }, disk] {
+            let blur = Blur {
+                beam,
+                pixel_mm: 0.05,
+            };
+            let density = |r: f64| 2.0 * PI * r * blur.density(r);
+            let steps = (0..20_000).map(|i| 1e-4 * (f64::from(i) + 0.5));
+            let all: f64 = steps.map(|r| 1e-4 * density(r)).sum();
+            assert!((all - 1.0).abs() < 1e-3, "{blur:?}: {all}");
+        }
+        assert_eq!(Blur::NONE.density(0.0), 0.0);
     }
 
     #[test]

@@ -31,6 +31,7 @@
 //! | [`random`] | random streams named by what they are used for |
 //! | [`simd`] | loops over lanes on the instructions of the processor at hand |
 
+pub mod bessel;
 pub mod better_dipole;
 pub mod brdf;
 pub mod dipole;

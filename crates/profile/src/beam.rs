@@ -289,42 +289,71 @@ fn shares(point: &ProfilePoint, parts_mm: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The same on matter that glows: the mean of the glow over the distances between ring and part.
+/// The same on matter that glows: the mean over ring and part of the glow at the distance between
+/// them.
+///
+/// It is one integral over the distance s, ∫ R_d(s) s · angle(s) ds, where the angle that a circle
+/// of radius s about a point of the ring has inside the part is known in closed form, and s takes
+/// away what light that scattered once has of a pole.
 fn glowing(rings: &Rings, parts_mm: &[f64], glow: Glow<'_>) -> Vec<Vec<f64>> {
     let depth = 1.0 / glow.at.sigma_t_prime();
-    let last = rings
-        .points
-        .last()
-        .and_then(|p| p.ring_mm)
-        .map_or(0.0, |r| r.1);
-    let table = Table::new(glow, depth, last + rings.reach_mm);
+    let total = glow.model.beyond(glow.at, 0.0);
+    let rule = GaussLegendre::new(NonZeroUsize::new(8).expect("8 is not zero"));
+    let mut reflectance = vec![];
     rings
         .points
         .iter()
         .map(|point| {
             let (inner, outer) = point.ring_mm.unwrap_or((0.0, 0.0));
-            let ring = even(3, inner, outer);
-            let mean = |part: &[f64]| {
-                let part = even(2, part[0], part[1]);
-                let mut sum = 0.0;
-                for (r, w) in &ring {
-                    for (rho, v) in &part {
-                        // The glow is smooth over the depth of its source, and the trapezoidal
-                        // rule over a circle then converges like exp(−2π depth/step).
-                        let arc = PI * (r * rho).sqrt();
-                        let steps = (2.0 * arc / depth).ceil().clamp(8.0, 2000.0);
-                        let squares = (0..steps as usize).map(|step| {
-                            let cos = (PI * (step as f64 + 0.5) / steps).cos();
-                            (r * r + rho * rho - 2.0 * r * rho * cos).max(0.0)
-                        });
-                        sum += w * v * squares.map(|s| table.at_square(s)).sum::<f64>() / steps;
+            let mut means = vec![0.0; parts_mm.len() - 1];
+            for (r, w) in even(3, inner, outer) {
+                let nodes = distances(r, parts_mm, depth, &rule);
+                let radii: Vec<f64> = nodes.iter().map(|(s, _)| *s).collect();
+                reflectance.resize(radii.len(), 0.0);
+                glow.model
+                    .diffuse_reflectance(glow.at, &radii, &mut reflectance);
+                for ((s, ds), value) in nodes.iter().zip(&reflectance) {
+                    // Half of the angle that the circle has inside each edge.
+                    let angle = |edge: f64| {
+                        let cos = (r * r + (s - edge) * (s + edge)) / (2.0 * r * s);
+                        cos.clamp(-1.0, 1.0).acos()
+                    };
+                    let mut before = angle(parts_mm[0]);
+                    for (mean, part) in means.iter_mut().zip(parts_mm.windows(2)) {
+                        let after = angle(part[1]);
+                        let area = PI * (part[1] - part[0]) * (part[1] + part[0]);
+                        *mean += w * value / total * s * ds * 2.0 * (after - before) / area;
+                        before = after;
                     }
                 }
-                sum
-            };
-            parts_mm.windows(2).map(mean).collect()
+            }
+            means
         })
         .collect()
+}
+
+/// Nodes and weights over the distances between a point at `r` and the parts between `edges`.
+///
+/// Angles start and end like a root where a circle touches an edge: cuts are made there, with
+/// nodes that crowd at both ends of each piece, and no piece is longer than the glow is smooth.
+fn distances(r: f64, edges: &[f64], depth: f64, rule: &GaussLegendre) -> Vec<(f64, f64)> {
+    let mut cuts: Vec<f64> = edges.iter().flat_map(|e| [(r - e).abs(), r + e]).collect();
+    cuts.push(0.0);
+    cuts.sort_by(f64::total_cmp);
+    let mut nodes = vec![];
+    for pair in cuts.windows(2) {
+        let (mut low, high) = (pair[0], pair[1]);
+        while high - low > 1e-9 * high {
+            let width = (high - low).min(low.max(depth));
+            for (x, weight) in rule.as_node_weight_pairs() {
+                let x = 0.5 + 0.5 * x;
+                let ds = 6.0 * x * (1.0 - x) * width;
+                nodes.push((low + width * x * x * (3.0 - 2.0 * x), 0.5 * weight * ds));
+            }
+            low += width;
+        }
+    }
+    nodes
 }
 
 /// Nodes and weights of the mean over the area of a ring.
@@ -338,49 +367,6 @@ fn even(count: usize, inner: f64, outer: f64) -> Vec<(f64, f64)> {
             (r, w * half * 2.0 * r / ((outer - inner) * (outer + inner)))
         })
         .collect()
-}
-
-/// The glow of a pencil beam, of all light that leaves the share per mm², against ln(s² + depth²),
-/// in which its logarithm is nearly straight.
-struct Table {
-    depth_square: f64,
-    first: f64,
-    step: f64,
-    ln: Vec<f64>,
-}
-
-impl Table {
-    fn new(glow: Glow<'_>, depth: f64, reach_mm: f64) -> Self {
-        const KNOTS: usize = 600;
-        let depth_square = depth * depth;
-        let first = depth_square.ln();
-        let step = ((reach_mm * reach_mm + depth_square).ln() - first) / (KNOTS - 2) as f64;
-        // No pencil beam is narrower than a thousandth of the depth: a model may be infinite at 0.
-        let radii: Vec<f64> = (0..KNOTS)
-            .map(|k| (first + step * k as f64).exp() - depth_square)
-            .map(|square| square.max(1e-6 * depth_square).sqrt())
-            .collect();
-        let mut values = vec![0.0; KNOTS];
-        glow.model.diffuse_reflectance(glow.at, &radii, &mut values);
-        let total = glow.model.beyond(glow.at, 0.0);
-        let ln = values
-            .iter()
-            .map(|v| (v / total).max(f64::MIN_POSITIVE).ln())
-            .collect();
-        Self {
-            depth_square,
-            first,
-            step,
-            ln,
-        }
-    }
-
-    fn at_square(&self, square: f64) -> f64 {
-        let position = ((square + self.depth_square).ln() - self.first) / self.step;
-        let knot = (position as usize).min(self.ln.len() - 2);
-        let t = position - knot as f64;
-        (self.ln[knot] + t * (self.ln[knot + 1] - self.ln[knot])).exp()
-    }
 }
 
 /// The minimum of ½ xᵀMx − bᵀx over x ≥ 0, coordinate by coordinate.

@@ -4,7 +4,7 @@
 use super::*;
 use physics::footprint::Beam;
 use physics::profile::mean_radius;
-use physics::{Blur, DiffuseFresnel, DipoleModel, Footprints};
+use physics::{Blur, DiffuseFresnel, DipoleModel, Footprints, Gradient};
 
 const SPECTRALON: Coefficients = Coefficients {
     sigma_a: 0.0,
@@ -190,4 +190,79 @@ fn a_picture_without_a_spot_shows_no_beam() {
     assert_eq!(measure_beam(&white, None), Err(ProfileError::NoBeam));
     white.points.clear();
     assert_eq!(measure_beam(&white, None), Err(ProfileError::NoBeam));
+}
+
+/// Light that leaves ∝ e^(−s)/s: as steep toward the beam as what scattered once.
+struct Steep;
+
+impl ForwardModel for Steep {
+    fn name(&self) -> &'static str {
+        "steep"
+    }
+
+    fn eta(&self) -> f64 {
+        1.0
+    }
+
+    fn diffuse_reflectance_gradient(&self, _: Coefficients, radius: &[f64], out: &mut [Gradient]) {
+        for (out, s) in out.iter_mut().zip(radius) {
+            out.value = (-s).exp() / (TAU * s);
+        }
+    }
+
+    fn within(&self, at: Coefficients, radius: f64) -> Gradient {
+        Gradient {
+            value: 1.0 - self.beyond(at, radius),
+            ..Gradient::default()
+        }
+    }
+
+    fn beyond(&self, _: Coefficients, radius: f64) -> f64 {
+        (-radius).exp()
+    }
+}
+
+/// About the beam the parts together see what leaves within the last; from elsewhere a plain sum
+/// over directions from the ring, along which the light that is met falls like e^(−s).
+#[test]
+fn a_glow_with_a_pole_is_counted_whole() {
+    let edges: Vec<f64> = (0..=40).map(|k| 0.05 * f64::from(k)).collect();
+    let at = Coefficients {
+        sigma_a: 0.0,
+        sigma_s_prime: 1.0,
+    };
+    let point = |inner: f64, outer: f64| ProfilePoint {
+        ring_mm: Some((inner, outer)),
+        ..points()[0].clone()
+    };
+    let rings = Rings {
+        points: vec![point(0.0, 1e-3), point(0.9999, 1.0001)],
+        noise: vec![],
+        u: vec![],
+        half_mm: 0.1,
+        reach_mm: 2.0,
+        nodes_mm: vec![],
+    };
+    let means = glowing(&rings, &edges, Glow { model: &Steep, at });
+    let all = |means: &[f64]| -> f64 {
+        let parts = means.iter().zip(edges.windows(2));
+        parts
+            .map(|(m, e)| m * PI * (e[1] - e[0]) * (e[1] + e[0]))
+            .sum()
+    };
+    let middle = 1.0 - (-2.0_f64).exp();
+    assert!((all(&means[0]) - middle).abs() < 1e-5, "{}", all(&means[0]));
+    // From r = 1 the way to the circle of radius 2 in the direction φ is known.
+    let steps = 1000;
+    let expected: f64 = (0..steps)
+        .map(|i| TAU * (f64::from(i) + 0.5) / f64::from(steps))
+        .map(|phi| (4.0 - phi.sin().powi(2)).sqrt() - phi.cos())
+        .map(|way| 1.0 - (-way).exp())
+        .sum::<f64>()
+        / f64::from(steps);
+    assert!(
+        (all(&means[1]) - expected).abs() < 1e-5,
+        "{} for {expected}",
+        all(&means[1])
+    );
 }
