@@ -316,13 +316,12 @@ pub fn fit_channel(
             let place = 2.0 * (p.radius_mm.ln() - low) / (high - low) - 1.0;
             place.clamp(-1.0, 1.0)
         };
-        let level = |_: &ProfilePoint| 1.0;
-        let shapes: [(&str, &dyn Fn(&ProfilePoint) -> f64); 2] = [
-            ("model's own numerics", &level),
-            ("model's own numerics, near against far", &tilt),
-        ];
-        for (name, shape) in shapes {
+        for (name, tilted) in [
+            ("model's own numerics", false),
+            ("model's own numerics, near against far", true),
+        ] {
             neighbours.add(name, [-1.0, 1.0], 0.5, |case, sign| {
+                let shape = |p: &ProfilePoint| if tilted { tilt(p) } else { 1.0 };
                 case.scale(|p| 1.0 + sign * own_error(p) * shape(p), 1.0);
             })?;
         }
