@@ -233,7 +233,7 @@ fn a_glow_with_a_pole_is_counted_whole() {
     };
     let point = |inner: f64, outer: f64| ProfilePoint {
         ring_mm: Some((inner, outer)),
-        ..points()[0].clone()
+        ..points()[0]
     };
     let rings = Rings {
         points: vec![point(0.0, 1e-3), point(0.9999, 1.0001)],
