@@ -59,6 +59,10 @@ pub(crate) enum Command {
     Brdf(BrdfArgs),
     /// Validation renderer: a scene by volume transport, a BSSRDF or a BRDF.
     Render(RenderArgs),
+    /// A scene by every method, and how far the models are from transport.
+    Validate(ValidateArgs),
+    /// How far two pictures are apart.
+    Compare(CompareArgs),
     /// Integrating-sphere reflectance and transmittance to sigma_a, sigma_s and g.
     Sphere(SphereArgs),
     /// The papers' figures, computed.
@@ -367,6 +371,44 @@ pub(crate) struct RenderArgs {
     /// Go on with a picture of the same scene, method and seed.
     #[arg(long)]
     pub(crate) resume: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot validate scenes/jensen8.toml -o cube --rounds 64")]
+pub(crate) struct ValidateArgs {
+    /// Solids, lights and a camera.
+    #[arg(value_name = "SCENE.toml")]
+    pub(crate) scene: PathBuf,
+    /// Folder to write: validation.html, pictures of every method and of their differences.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Rounds of every method, as in `beamspot render`.
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub(crate) rounds: u64,
+    /// Photons of a round, where light is followed from its lamp.
+    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
+    /// Stop each method earlier, once the rms of the pixels' standard errors is this share of the
+    /// mean pixel.
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) until_error: Option<f64>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub(crate) seed: u64,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  beamspot compare bssrdf.exr monte-carlo.exr -o difference.png")]
+pub(crate) struct CompareArgs {
+    /// A picture, as `render` or `hdr` write it.
+    #[arg(value_name = "A.exr")]
+    pub(crate) a: PathBuf,
+    /// Another of the same size and channels.
+    #[arg(value_name = "B.exr")]
+    pub(crate) b: PathBuf,
+    /// Picture of A - B to write: red where A is brighter, blue where it is darker.
+    #[arg(short, long, value_name = "FILE.png")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

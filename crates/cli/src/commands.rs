@@ -2,6 +2,7 @@
 
 pub(crate) mod beam;
 pub(crate) mod brdf;
+pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod figures;
 pub(crate) mod fit;
@@ -14,5 +15,6 @@ pub(crate) mod simulate;
 pub(crate) mod sphere;
 pub(crate) mod synth;
 pub(crate) mod table;
+pub(crate) mod validate;
 
 mod print;

@@ -50,6 +50,8 @@ fn run(cli: Cli) -> Result<()> {
         Command::Simulate(args) => commands::simulate::run(&args, common, &monitor, &mut out),
         Command::Brdf(args) => commands::brdf::run(&args, common, &monitor, &mut out),
         Command::Render(args) => commands::render::run(&args, common, &monitor, &mut out),
+        Command::Validate(args) => commands::validate::run(&args, common, &monitor, &mut out),
+        Command::Compare(args) => commands::compare::run(&args, common, &mut out),
         Command::Sphere(args) => commands::sphere::run(&args, common, &monitor, &mut out),
         Command::Figures(args) => commands::figures::run(&args, common, &monitor, &mut out),
         Command::Table(command) => commands::table::run(&command, common, &mut out),

@@ -115,6 +115,94 @@ fn every_method_makes_a_picture_with_its_components() {
     }
 }
 
+#[test]
+fn methods_are_held_against_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("scene.toml"), SCENE).unwrap();
+    let validate = [
+        "validate",
+        "scene.toml",
+        "-o",
+        "v",
+        "--rounds",
+        "20",
+        "--photons",
+        "500",
+    ];
+    let (code, out, error) = call(path, &validate);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(
+        out.contains("bssrdf-corrected: noise") && out.contains("wrote v/"),
+        "{out}"
+    );
+    let page = fs::read_to_string(path.join("v/validation.html")).unwrap();
+    for name in [
+        "monte-carlo.png",
+        "brdf-lambert.png",
+        "bssrdf-directional-difference.png",
+    ] {
+        assert!(
+            page.contains(name) && path.join("v").join(name).exists(),
+            "{name}"
+        );
+    }
+    // A picture is itself; another seed is another by its noise alone.
+    let (code, out, error) = call(
+        path,
+        &[
+            "compare",
+            "v/brdf-jensen.exr",
+            "v/brdf-jensen.exr",
+            "--json",
+        ],
+    );
+    assert_eq!(code, Some(0), "{error}");
+    let same: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(same[0]["rmse"], 0.0);
+    let again = [
+        &[
+            "render",
+            "scene.toml",
+            "-o",
+            "m.exr",
+            "--seed",
+            "2",
+            "--rounds",
+            "20",
+        ][..],
+        &["--photons", "500"],
+    ]
+    .concat();
+    assert_eq!(call(path, &again).0, Some(0));
+    let compare = [
+        "compare",
+        "m.exr",
+        "v/monte-carlo.exr",
+        "-o",
+        "d.png",
+        "--json",
+    ];
+    let (code, out, error) = call(path, &compare);
+    assert_eq!(code, Some(0), "{error}");
+    let other: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let chi2 = other[0]["chi2_per_pixel"].as_f64().unwrap();
+    // Of 192 pixels, with errors from 20 rounds.
+    assert!((0.6..1.6).contains(&chi2), "{out}");
+    assert!(path.join("d.png").exists());
+    fs::write(path.join("small.toml"), SCENE.replace("= 16", "= 8")).unwrap();
+    assert_eq!(
+        call(
+            path,
+            &["render", "small.toml", "-o", "s.exr", "--rounds", "2"]
+        )
+        .0,
+        Some(0)
+    );
+    let (code, _, error) = call(path, &["compare", "s.exr", "m.exr"]);
+    assert!(code == Some(3) && error.contains("8 x 12"), "{error}");
+}
+
 /// What is wrong is named, with exit code 3, and nothing is left behind.
 #[test]
 fn bad_scenes_are_answered() {

@@ -1,10 +1,14 @@
 //! Scenes as files, pictures as files.
 
+mod difference;
 mod outputs;
 mod scene;
+mod validation;
 
+pub use difference::{ChannelDifference, compare_pictures, differences, read_pictures};
 pub use outputs::{Outcome, PictureFiles};
 pub use scene::{Loaded, load};
+pub use validation::{MethodLine, Validation, validate};
 
 use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::Monitor;
@@ -83,9 +87,13 @@ impl BssrdfModel {
         }
     }
 
-    /// Whether light that scattered once is added to the diffusion, which else has it already.
+    /// Whether light that scattered once is added to the diffusion, which else has it already
+    /// (as Jensen's has, too: his model counts it twice).
     fn adds_single(self) -> bool {
-        matches!(self, Self::Jensen2001 | Self::Corrected)
+        matches!(
+            self,
+            Self::Jensen2001 | Self::Corrected | Self::BetterDipole
+        )
     }
 
     /// The diffusion of one medium.
@@ -309,8 +317,8 @@ mod tests {
         }
     }
 
-    /// Under the paper's model 5 % too much comes out of marble and three times too much of a
-    /// dark medium; the corrected one returns what transport does.
+    /// The audit table. Under the paper's model 3 % too little comes out of marble and twice too
+    /// much of a dark medium; the corrected one returns what transport does.
     #[test]
     fn the_corrected_model_has_the_energy_of_transport() {
         println!("model: returned over the truth");
@@ -390,7 +398,7 @@ mod tests {
             let expected = audit(model, &medium).unwrap();
             println!("{name}: {diffuse:.5}, {single:.5} for {expected:?}");
             assert!((diffuse / expected.0 - 1.0).abs() < 0.005, "{name}");
-            assert!((single - expected.1).abs() < 0.01 * expected.1, "{name}");
+            assert!((single - expected.1).abs() <= 0.01 * expected.1, "{name}");
         }
     }
 }

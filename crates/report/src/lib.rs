@@ -14,6 +14,7 @@
 //! | `chart` | [`chart_svg`]: lines in panels |
 //! | `figure` | [`figure_svg`]: profile, fit and residuals |
 //! | `page` | [`Report`] and [`report_html`] |
+//! | `validation` | [`validation_html`]: a scene under several methods |
 
 mod axis;
 mod channel;
@@ -23,6 +24,7 @@ mod markup;
 mod number;
 mod page;
 mod table;
+mod validation;
 
 pub use channel::{ChannelReport, CurvePoint, ModelReport};
 pub use chart::{Chart, Line, Panel, Scale, Stroke, chart_svg};
@@ -30,3 +32,4 @@ pub use figure::figure_svg;
 pub use number::{at_least, at_most, significant, uncertain};
 pub use page::{Input, Report, report_html};
 pub use table::text_table;
+pub use validation::{ValidationPage, ValidationRow, validation_html};

@@ -188,18 +188,8 @@ impl PictureFiles {
     ) -> Result<Outcome> {
         let [exr, png, json, state] = &self.names;
         let planes = planes(loaded, options);
-        let file = RadianceFile {
-            map: Cow::Owned(map(loaded, &planes, picture)),
-            mm_per_pixel: loaded.scene.camera.mm_per_pixel(),
-            view_mm: None,
-            scale: vec![],
-            provenance: BTreeMap::from([
-                ("unit".to_owned(), "radiance, W mm^-2 sr^-1".to_owned()),
-                ("method".to_owned(), name(options.method)),
-                ("seed".to_owned(), options.seed.to_string()),
-                ("rounds".to_owned(), picture.radiance.rounds().to_string()),
-            ]),
-        };
+        let picture_map = map(loaded, &planes, picture);
+        let file = radiance_file(loaded, options, picture, &picture_map);
         files.write(exr, |out| Ok(write_radiance(&file, out)?))?;
         let (frame, exposure) = developed(loaded, planes.len(), picture, options.exposure);
         files.write(png, |out| Ok(encode_png(&frame, out)?))?;
@@ -258,7 +248,7 @@ fn name(method: MethodChoice) -> String {
 }
 
 /// Names of the planes: channels, or component and channel.
-fn planes(loaded: &Loaded, options: &RenderOptions) -> Vec<String> {
+pub(super) fn planes(loaded: &Loaded, options: &RenderOptions) -> Vec<String> {
     let channels = &loaded.scene.channels;
     if !options.components {
         return channels.clone();
@@ -272,7 +262,28 @@ fn planes(loaded: &Loaded, options: &RenderOptions) -> Vec<String> {
     COMPONENTS.iter().flat_map(of).collect()
 }
 
-fn map(loaded: &Loaded, planes: &[String], picture: &Picture) -> RadianceMap {
+/// The picture as a file, with what it is.
+pub(super) fn radiance_file<'a>(
+    loaded: &Loaded,
+    options: &RenderOptions,
+    picture: &Picture,
+    map: &'a RadianceMap,
+) -> RadianceFile<'a> {
+    RadianceFile {
+        map: Cow::Borrowed(map),
+        mm_per_pixel: loaded.scene.camera.mm_per_pixel(),
+        view_mm: None,
+        scale: vec![],
+        provenance: BTreeMap::from([
+            ("unit".to_owned(), "radiance, W mm^-2 sr^-1".to_owned()),
+            ("method".to_owned(), name(options.method)),
+            ("seed".to_owned(), options.seed.to_string()),
+            ("rounds".to_owned(), picture.radiance.rounds().to_string()),
+        ]),
+    }
+}
+
+pub(super) fn map(loaded: &Loaded, planes: &[String], picture: &Picture) -> RadianceMap {
     let [width, height] = loaded.scene.camera.size();
     let pixels = width * height;
     let channels = planes.iter().enumerate().map(|(plane, name)| {
@@ -294,7 +305,7 @@ fn map(loaded: &Loaded, planes: &[String], picture: &Picture) -> RadianceMap {
 
 /// The sum of all components through the sRGB curve. Without an exposure the brightest
 /// hundredth of the pixels with light begins to burn out.
-fn developed(
+pub(super) fn developed(
     loaded: &Loaded,
     planes: usize,
     picture: &Picture,
