@@ -131,8 +131,8 @@ impl Profile {
 pub enum Sampling {
     /// The paper's: distance from the density σₜᵣ e^(−σₜᵣ d), in the plane of the surface.
     Exponential,
-    /// Distance from R_d itself, in planes across the normal and two axes beside it, all of whose
-    /// densities count at the point that was hit.
+    /// Distance from R_d itself or the exponential, by halves, in planes across the normal and two
+    /// axes beside it; all of their densities count at the point that was hit.
     Axes,
     /// Evenly over the whole surface: the yardstick of the others.
     Area,
@@ -215,6 +215,17 @@ impl Bssrdf {
         }
     }
 
+    /// Share of the radii that are drawn from R_d itself, the others being from the exponential.
+    fn near(&self, profile: &Profile) -> f64 {
+        match self.sampling {
+            // On a curved surface the source is nearer than the plane of the axis has it: the
+            // exponential falls more slowly and keeps the weights bounded there.
+            Sampling::Axes if profile.sigma_tr > 0.0 => 0.5,
+            Sampling::Axes => 1.0,
+            Sampling::Exponential | Sampling::Area => 0.0,
+        }
+    }
+
     /// A point from which diffuse light may come to `to`, and one over its density per area.
     fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Option<(Point, f64)> {
         let object = &scene.objects[to.object];
@@ -266,9 +277,11 @@ impl Bssrdf {
         // The profile of one channel serves all, with the mean of their densities.
         let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
         let xi = uniform(rng);
-        let radius = match self.sampling {
-            Sampling::Axes => media[channel].profile.draw(xi),
-            _ => -(1.0 - xi).ln() / media[channel].profile.sigma_tr,
+        let profile = &media[channel].profile;
+        let radius = if uniform(rng) < self.near(profile) {
+            profile.draw(xi)
+        } else {
+            -(1.0 - xi).ln() / profile.sigma_tr
         };
         if !radius.is_finite() {
             return None;
@@ -285,12 +298,17 @@ impl Bssrdf {
         let (place, hit) = &hits[chosen];
         let offset = *place - to.at;
         let density = |radius: f64| {
-            let of_channel = |d: &Diffusion| match self.sampling {
-                Sampling::Axes => d.profile.value(radius) / d.profile.total,
-                _ => {
-                    let s = d.profile.sigma_tr;
-                    s * (-s * radius).exp() / (TAU * radius)
+            let of_channel = |d: &Diffusion| {
+                let near = self.near(&d.profile);
+                let s = d.profile.sigma_tr;
+                let mut density = 0.0;
+                if near > 0.0 {
+                    density += near * d.profile.value(radius) / d.profile.total;
                 }
+                if near < 1.0 {
+                    density += (1.0 - near) * s * (-s * radius).exp() / (TAU * radius);
+                }
+                density
             };
             media.iter().map(of_channel).sum::<f64>() / media.len() as f64
         };

@@ -130,7 +130,7 @@ fn over_a_plane_the_bssrdf_integrates_to_the_total() {
         normal: Vec3::Z,
     };
     for (sampling, n) in [
-        (Sampling::Axes, 200_000),
+        (Sampling::Axes, 1_500_000),
         (Sampling::Exponential, 1_500_000),
     ] {
         let diffusion = media.iter().map(|m| Diffusion {
