@@ -507,14 +507,13 @@ impl Loaded {
         samples: &mut Vec<u16>,
     ) -> Result<ReadFrame> {
         let path = self.folder.join(&entry.file);
-        files::read_into(&path, bytes)?;
-        let bytes = bytes.as_slice();
-        let spare = std::mem::take(samples);
-        let (read, input) = rayon::join(
-            || read_frame(bytes, &path, spare),
-            || Input::new(&path, &entry.file, bytes),
-        );
-        let (decoded, metadata) = read?;
+        let hash = files::read_into(&path, bytes)?;
+        let (decoded, metadata) = read_frame(bytes, &path, std::mem::take(samples))?;
+        let input = Input {
+            name: entry.file.clone(),
+            blake3: hash.to_hex().to_string(),
+            path,
+        };
         Ok(ReadFrame {
             decoded,
             metadata,

@@ -2,7 +2,7 @@
 
 use crate::error::{Blame, Error, Kind, Result};
 use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::io::{BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -15,18 +15,55 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).input(path.display())
 }
 
-/// The bytes of a file into `buffer`, whose memory is used again.
+/// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
+/// the kernel copies four times as fast into it as into memory.
+const PIECE: usize = 1 << 17;
+
+/// The bytes of a file into `buffer`, whose memory is used again, and their hash.
 ///
 /// # Errors
 ///
 /// The error names the file.
-pub(crate) fn read_into(path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
+pub(crate) fn read_into(path: &Path, buffer: &mut Vec<u8>) -> Result<blake3::Hash> {
     buffer.clear();
     let mut file = File::open(path).input(path.display())?;
     let length = file.metadata().input(path.display())?.len();
     buffer.reserve_exact(usize::try_from(length).unwrap_or(0));
-    file.read_to_end(buffer).input(path.display())?;
-    Ok(())
+    let mut hasher = blake3::Hasher::new();
+    let mut read = |piece: &mut [u8]| -> Result<usize> {
+        let mut filled = 0;
+        while filled < piece.len() {
+            match file.read(&mut piece[filled..]) {
+                Ok(0) => break,
+                Ok(more) => filled += more,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error).input(path.display()),
+            }
+        }
+        Ok(filled)
+    };
+    // While one piece is hashed and kept, the next is read. In a scope, so that all the pieces stay
+    // with one thread of the pool, and no other has to be woken for each.
+    let (mut piece, mut next) = (vec![0; PIECE], vec![0; PIECE]);
+    rayon::scope(|_| -> Result<()> {
+        let mut filled = read(&mut piece)?;
+        while filled > 0 {
+            let here = &piece[..filled];
+            let (ahead, ()) = rayon::join(
+                || {
+                    buffer.extend_from_slice(here);
+                    read(&mut next)
+                },
+                || {
+                    hasher.update(here);
+                },
+            );
+            filled = ahead?;
+            std::mem::swap(&mut piece, &mut next);
+        }
+        Ok(())
+    })?;
+    Ok(hasher.finalize())
 }
 
 /// A file, to be read piece by piece.

@@ -2,6 +2,7 @@
 
 use crate::error::ProfileError;
 use physics::ChannelMap;
+use pulp::NullaryFnOnce;
 
 /// Standard deviations that the brightest place must have, or there is no spot.
 const VISIBLE: f64 = 10.0;
@@ -100,28 +101,9 @@ pub(crate) fn check_size(
             pixels,
         });
     }
-    // An unmeasured pixel has an infinite variance, and a photosite of another colour no value
-    // either; everything else has to be a number.
-    let is_bad = |value: f32, variance: f32| {
-        let absent = value.is_nan() & (variance == f32::INFINITY);
-        !(value.is_finite() | absent) | variance.is_nan() | (variance < 0.0)
-    };
-    // Chunk by chunk: a search that may end at any pixel looks at one after the other.
-    let chunks = channel
-        .value
-        .chunks(CHUNK)
-        .zip(channel.variance.chunks(CHUNK));
-    let mut measured = 0;
-    for (number, (value, variance)) in chunks.enumerate() {
-        let (mut any, mut finite) = (false, 0_u32);
-        for (value, variance) in value.iter().zip(variance) {
-            any |= is_bad(*value, *variance);
-            finite += u32::from(*variance < f32::INFINITY);
-        }
-        measured += u64::from(finite);
-        let pixels = number * CHUNK..number * CHUNK + value.len();
-        let bad = |pixel: &usize| is_bad(channel.value[*pixel], channel.variance[*pixel]);
-        if any && let Some(pixel) = pixels.into_iter().find(bad) {
+    let measured = match pulp::Arch::new().dispatch(Check(channel)) {
+        Ok(measured) => measured,
+        Err(pixel) => {
             return Err(ProfileError::Pixel {
                 x: pixel % width,
                 y: pixel / width,
@@ -129,11 +111,47 @@ pub(crate) fn check_size(
                 variance: channel.variance[pixel],
             });
         }
-    }
+    };
     if measured == 0 {
         return Err(ProfileError::Empty(pixels));
     }
     Ok(measured as f64 / pixels as f64)
+}
+
+/// How many pixels were measured, or the first that cannot be.
+struct Check<'a>(&'a ChannelMap);
+
+impl NullaryFnOnce for Check<'_> {
+    type Output = Result<u64, usize>;
+
+    #[inline(always)]
+    fn call(self) -> Result<u64, usize> {
+        let Self(channel) = self;
+        // An unmeasured pixel has an infinite variance, and a photosite of another colour no value
+        // either; everything else has to be a number.
+        let is_bad = |value: f32, variance: f32| {
+            let absent = value.is_nan() & (variance == f32::INFINITY);
+            !((value.abs() < f32::INFINITY) | absent) | variance.is_nan() | (variance < 0.0)
+        };
+        // Chunk by chunk: a search that may end at any pixel looks at one after the other.
+        let values = channel.value.chunks(CHUNK);
+        let chunks = values.zip(channel.variance.chunks(CHUNK));
+        let mut measured = 0;
+        for (number, (value, variance)) in chunks.enumerate() {
+            let (mut bad, mut finite) = (0_u32, 0_u32);
+            for (value, variance) in value.iter().zip(variance) {
+                bad |= u32::from(is_bad(*value, *variance));
+                finite += u32::from(*variance < f32::INFINITY);
+            }
+            measured += u64::from(finite);
+            if bad != 0 {
+                let mut pixels = number * CHUNK..number * CHUNK + value.len();
+                let first = pixels.find(|i| is_bad(channel.value[*i], channel.variance[*i]));
+                return Err(first.expect("one of the chunk is bad"));
+            }
+        }
+        Ok(measured)
+    }
 }
 
 /// Pixels of a row that are judged together before they are looked at one by one.

@@ -10,6 +10,7 @@ pub(crate) struct Rings {
 }
 
 /// A row's pixels that lie in one ring.
+#[derive(Default)]
 pub(crate) struct Run {
     /// The ring.
     pub(crate) ring: usize,
@@ -71,46 +72,52 @@ impl Rings {
         (0.5 * (a + b), 0.5 * (b - a))
     }
 
-    /// Calls `visit` with every run of pixels of row `y`, of `width`, whose centres lie in one of
-    /// the first `rings` rings about `center` (px; the middle of the first pixel is at 0, 0).
+    /// Every run of pixels of row `y`, of `width`, whose centres lie in one of the first `rings`
+    /// rings about `center` (px; the middle of the first pixel is at 0, 0), from left to right, in
+    /// `room`.
+    ///
+    /// A list, since what is done with runs is too large to be compiled into the loop that finds
+    /// them, and would go without the instructions that the loop was compiled for.
     #[inline(always)]
-    pub(crate) fn for_each_run_of_row(
+    pub(crate) fn runs_of_row<'r>(
         &self,
         width: usize,
         center: [f64; 2],
         y: usize,
         rings: usize,
-        mut visit: impl FnMut(&Run),
-    ) {
+        room: &'r mut Vec<Run>,
+    ) -> &'r [Run] {
         let edges = &self.edges[..=rings];
-        // First column whose centre is not left of x.
-        let column = |x: f64| x.ceil().clamp(0.0, width as f64) as usize;
+        // Those to the left are found from right to left.
+        room.resize_with(2 * rings, Run::default);
+        let (mut first, mut end) = (rings, rings);
         let dy = y as f64 - center[1];
-        let first = edges.partition_point(|e| *e <= dy.abs());
-        let mut emit = |ring: usize, columns: Range<usize>| {
-            if columns.start < columns.end {
-                visit(&Run {
-                    ring,
-                    pixels: y * width + columns.start..y * width + columns.end,
-                    dx: columns.start as f64 - center[0],
-                    dy,
-                });
-            }
+        let outside = edges.partition_point(|e| *e <= dy.abs());
+        let run = |ring: usize, from: usize, to: usize| Run {
+            ring,
+            pixels: y * width + from..y * width + to,
+            dx: from as f64 - center[0],
+            dy,
         };
         // From the centre line outwards, edge by edge.
         let mut inside: Option<Range<usize>> = None;
-        for (edge, radius) in edges.iter().enumerate().skip(first) {
+        for (edge, radius) in edges.iter().enumerate().skip(outside) {
             let half = ((radius - dy) * (radius + dy)).sqrt();
-            let columns = column(center[0] - half)..column(center[0] + half);
-            match &inside {
-                None => emit(edge - 1, columns.clone()),
-                Some(inner) => {
-                    emit(edge - 1, columns.start..inner.start);
-                    emit(edge - 1, inner.end..columns.end);
-                }
+            // First column whose centre is not left of x.
+            let [left, right] = [center[0] - half, center[0] + half]
+                .map(|x| x.ceil().clamp(0.0, width as f64) as usize);
+            let inner = inside.unwrap_or(right..right);
+            if left < inner.start {
+                first -= 1;
+                room[first] = run(edge - 1, left, inner.start);
             }
-            inside = Some(columns);
+            if inner.end < right {
+                room[end] = run(edge - 1, inner.end, right);
+                end += 1;
+            }
+            inside = Some(left..right);
         }
+        &room[first..end]
     }
 }
 
@@ -152,8 +159,10 @@ mod tests {
                     assert!((run.dy - (y - center[1])).abs() < 1e-12);
                 }
             };
+            let mut runs = vec![];
             for y in 0..size.1 {
-                rings.for_each_run_of_row(size.0, center, y, rings.len(), &mut visit);
+                let runs = rings.runs_of_row(size.0, center, y, rings.len(), &mut runs);
+                runs.iter().for_each(&mut visit);
             }
             for (i, found) in found.iter().enumerate() {
                 let (x, y) = ((i % size.0) as f64, (i / size.0) as f64);

@@ -418,11 +418,11 @@ impl Picture<'_> {
     fn for_each_inside(&self, rings: usize, mut visit: impl FnMut(Pixel)) {
         let Some(places) = self.places else {
             let (width, height) = self.size;
+            let mut runs = vec![];
             for y in 0..height {
-                self.rings
-                    .for_each_run_of_row(width, self.center, y, rings, |run| {
-                        self.pixels_of(run, &mut visit);
-                    });
+                for run in (self.rings).runs_of_row(width, self.center, y, rings, &mut runs) {
+                    self.pixels_of(run, &mut visit);
+                }
             }
             return;
         };

@@ -270,7 +270,7 @@ impl Block<'_, '_> {
                 let dark = &mut dark[..end - start];
                 step.dark.copy_mean_to(first + start..first + end, dark);
                 for (at, level) in (first + start..).zip(dark) {
-                    if *level > step.warm[at % channels] {
+                    if *level > least_warm && *level > step.warm[at % channels] {
                         warm.push((at, *level));
                     }
                 }

@@ -127,7 +127,7 @@ fn a_part_of_the_rows_says_the_same_of_large_rings() {
         }
         thinned += 1;
         assert!(
-            b.count * 5 > a.count && b.count > 9_000,
+            b.count * 17 > a.count && b.count > 9_000,
             "{} {}",
             a.count,
             b.count
