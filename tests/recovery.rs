@@ -113,6 +113,8 @@ fn all_36_channels_come_back_with_true_uncertainties() {
     let (one, three, median) = (within(1.0), within(3.0), errors[34]);
     println!("within 1 u: {one}, within 3 u: {three}, median relative error {median:.2e}");
     assert!(three >= 67, "{three} of 69 within 3 u");
+    // 47 are expected; two numbers of a channel err together (their correlation is 0.6 in the mean),
+    // so that the count scatters by 4.4 and not by 3.9. Two and a half of those.
     assert!((36..=58).contains(&one), "{one} of 69 within 1 u");
     assert!(median < 0.01, "median relative error {median}");
 }
