@@ -349,18 +349,8 @@ pub(crate) struct RenderArgs {
     /// evenly.
     #[arg(long, value_enum, default_value_t = SamplingArg::Axes, value_name = "WAY")]
     pub(crate) sampling: SamplingArg,
-    /// Rounds: each is one path a pixel, or --photons photons of every light and channel.
-    #[arg(long, default_value_t = 64, value_name = "N")]
-    pub(crate) rounds: u64,
-    /// Photons of a round, where light is followed from its lamp.
-    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
-    pub(crate) photons: u64,
-    /// Stop earlier, once the rms of the pixels' standard errors is this share of the mean pixel.
-    #[arg(long, value_name = "SHARE")]
-    pub(crate) until_error: Option<f64>,
-    /// Seed of every random number.
-    #[arg(long, default_value_t = 1, value_name = "N")]
-    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) effort: EffortArgs,
     /// Tell light apart that scattered once, more often, and never (layers single.R and so on).
     #[arg(long)]
     pub(crate) components: bool,
@@ -373,6 +363,38 @@ pub(crate) struct RenderArgs {
     pub(crate) resume: bool,
 }
 
+/// How long a scene is rendered.
+#[derive(Args, Debug)]
+pub(crate) struct EffortArgs {
+    /// Rounds: each is one path a pixel, or --photons photons of every light and channel.
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    rounds: u64,
+    /// Photons of a round, where light is followed from its lamp.
+    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
+    photons: u64,
+    /// Stop earlier, once the rms of the pixels' standard errors is this share of the mean pixel.
+    #[arg(long, value_name = "SHARE")]
+    until_error: Option<f64>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+impl EffortArgs {
+    /// So much of `method`, with nothing told apart.
+    pub(crate) fn options(&self, method: MethodChoice) -> RenderOptions {
+        RenderOptions {
+            method,
+            rounds: self.rounds,
+            until_error: self.until_error,
+            photons: self.photons,
+            seed: self.seed,
+            components: false,
+            exposure: None,
+        }
+    }
+}
+
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  beamspot validate scenes/jensen8.toml -o cube --rounds 64")]
 pub(crate) struct ValidateArgs {
@@ -382,19 +404,8 @@ pub(crate) struct ValidateArgs {
     /// Folder to write: validation.html, pictures of every method and of their differences.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Rounds of every method, as in `beamspot render`.
-    #[arg(long, default_value_t = 64, value_name = "N")]
-    pub(crate) rounds: u64,
-    /// Photons of a round, where light is followed from its lamp.
-    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
-    pub(crate) photons: u64,
-    /// Stop each method earlier, once the rms of the pixels' standard errors is this share of the
-    /// mean pixel.
-    #[arg(long, value_name = "SHARE")]
-    pub(crate) until_error: Option<f64>,
-    /// Seed of every random number.
-    #[arg(long, default_value_t = 1, value_name = "N")]
-    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) effort: EffortArgs,
 }
 
 #[derive(Args, Debug)]
@@ -472,13 +483,9 @@ impl RenderArgs {
             return bad("--exposure: expected a number above 0".to_owned());
         }
         Ok(RenderOptions {
-            method,
-            rounds: self.rounds,
-            until_error: self.until_error,
-            photons: self.photons,
-            seed: self.seed,
             components: self.components,
             exposure: self.exposure,
+            ..self.effort.options(method)
         })
     }
 }

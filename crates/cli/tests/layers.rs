@@ -5,28 +5,16 @@
     reason = "a failed step of a test is a failed test"
 )]
 
+mod call;
+
+use call::call;
 use std::f64::consts::LN_2;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 /// How many files `folder` holds.
 fn count(folder: &Path) -> usize {
     fs::read_dir(folder).unwrap().count()
-}
-
-fn call(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_beamspot"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (
-        output.status.code(),
-        text(output.stdout),
-        text(output.stderr),
-    )
 }
 
 /// Second order of an isotropic half-space at normal incidence, per α²:

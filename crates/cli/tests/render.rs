@@ -5,23 +5,10 @@
     reason = "a failed step of a test is a failed test"
 )]
 
-use std::fs;
-use std::path::Path;
-use std::process::Command;
+mod call;
 
-fn call(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_beamspot"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (
-        output.status.code(),
-        text(output.stdout),
-        text(output.stderr),
-    )
-}
+use call::call;
+use std::fs;
 
 const SCENE: &str = r#"
 channels = ["Y"]

@@ -110,6 +110,22 @@ mod tests {
     use fit::{Constraint, Warning};
     use physics::{Coefficients, ForwardModel, ObliqueBeam, ProfilePoint, TotalReflectance};
 
+    /// `values` at `radii`, with so much noise.
+    fn profile(radii: &[f64], values: &[f64], u_relative: f64) -> RadialProfile {
+        let points = radii.iter().zip(values);
+        let points = points.map(|(&radius_mm, &value)| ProfilePoint {
+            ring_mm: None,
+            radius_mm,
+            reflectance_per_mm2: value,
+            u_reflectance_per_mm2: u_relative * value,
+            pixels: None,
+        });
+        RadialProfile {
+            channel: "Y".to_owned(),
+            points: points.collect(),
+        }
+    }
+
     /// Every model finds its own medium among the fits of all, under each constraint: also the one
     /// whose thickness has a scale, and the oblique one.
     #[test]
@@ -143,20 +159,7 @@ mod tests {
                 let model = library::model(&given.model, given.eta)?;
                 let mut values = vec![0.0; radii.len()];
                 model.diffuse_reflectance(truth, &radii, &mut values);
-                let profile = RadialProfile {
-                    channel: "Y".to_owned(),
-                    points: radii
-                        .iter()
-                        .zip(&values)
-                        .map(|(&radius_mm, &value)| ProfilePoint {
-                            ring_mm: None,
-                            radius_mm,
-                            reflectance_per_mm2: value,
-                            u_reflectance_per_mm2: 1e-3 * value,
-                            pixels: None,
-                        })
-                        .collect(),
-                };
+                let profile = profile(&radii, &values, 1e-3);
                 let total = TotalReflectance {
                     channel: "Y".to_owned(),
                     total_reflectance: model.within(truth, f64::INFINITY).value,
@@ -196,20 +199,7 @@ mod tests {
         let radii: Vec<f64> = (0..30).map(|i| 0.3 * 1.1_f64.powi(i)).collect();
         let mut values = vec![0.0; radii.len()];
         light.diffuse_reflectance(truth, &radii, &mut values);
-        let points = radii
-            .iter()
-            .zip(&values)
-            .map(|(&radius_mm, &value)| ProfilePoint {
-                ring_mm: None,
-                radius_mm,
-                reflectance_per_mm2: value,
-                u_reflectance_per_mm2: 1e-2 * value,
-                pixels: None,
-            });
-        let profile = RadialProfile {
-            channel: "Y".to_owned(),
-            points: points.collect(),
-        };
+        let profile = profile(&radii, &values, 1e-2);
         let known = ModelChoice::default();
         let given = Given {
             discrepancy: false,

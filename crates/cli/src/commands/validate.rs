@@ -3,7 +3,7 @@
 use super::compare::differences_table;
 use super::print;
 use crate::args::{Common, ValidateArgs};
-use pipeline::rendering::{MethodChoice, RenderOptions, load, validate};
+use pipeline::rendering::{MethodChoice, load, validate};
 use pipeline::{Monitor, Result};
 use report::significant;
 use std::io::Write;
@@ -16,15 +16,7 @@ pub(crate) fn run(
     out: &mut impl Write,
 ) -> Result<()> {
     let loaded = load(&args.scene)?;
-    let options = RenderOptions {
-        method: MethodChoice::MonteCarlo,
-        rounds: args.rounds,
-        until_error: args.until_error,
-        photons: args.photons,
-        seed: args.seed,
-        components: false,
-        exposure: None,
-    };
+    let options = args.effort.options(MethodChoice::MonteCarlo);
     let found = validate(&loaded, &options, &args.output, common.force, monitor)?;
     if common.json {
         return print::json(out, &found);
