@@ -1,7 +1,7 @@
 //! From a solution to numbers with their uncertainties.
 
 use crate::budget::Contribution;
-use crate::options::{Constraint, DirectionKind};
+use crate::options::{Constraint, Direction, DirectionKind};
 use crate::problem::{Level, Problem, jacobian};
 use crate::result::{Estimate, Fit, Residual, Termination, TotalFit, Warning};
 use crate::solve::Solution;
@@ -21,6 +21,8 @@ pub(crate) const SCALE: &str = "shared scale";
 pub(crate) const MODEL: &str = "model error";
 /// Standard uncertainties of the scale beyond which it is named.
 const SCALE_OFF: f64 = 4.0;
+/// The same of any other input that the fit carries along.
+const INPUT_OFF: f64 = 4.0;
 /// Standard uncertainties of v from 0 within which the interval of σₐ is that of its profile
 /// likelihood: beyond, the other is as wide to a few percent.
 const NEAR_ZERO: f64 = 8.0;
@@ -264,16 +266,39 @@ impl Problem<'_> {
             .collect()
     }
 
+    /// Where the last evaluation has the directions of the options, in their order.
+    fn nuisances(&self) -> Vec<f64> {
+        let full = &self.memory.full;
+        let directions = &self.data.options.directions;
+        let relative = directions.iter().filter(|d| is_relative(d)).count();
+        let (own, mut absolute) = full.directions().split_at(full.relative_count);
+        let mut relative = &own[own.len() - relative..];
+        directions
+            .iter()
+            .filter_map(|d| {
+                let from = if is_relative(d) {
+                    &mut relative
+                } else {
+                    &mut absolute
+                };
+                from.split_off_first().copied()
+            })
+            .collect()
+    }
+
     /// The fit that `solution` stands for; `trusted` is what the choice of the range warned of.
     pub(crate) fn conclude(&mut self, solution: &Solution, trusted: Option<Warning>) -> Fit {
         let summary = self.summary(solution);
         self.evaluate(solution);
         let mut warnings: Vec<Warning> = trusted.into_iter().collect();
+        let nuisances = self.nuisances();
+        let options = self.data.options;
         summary.warn(
-            self.data.options.u_scale_relative,
-            self.data.options.entry_factor,
+            options.u_scale_relative,
+            options.entry_factor,
             &mut warnings,
         );
+        warnings.extend(inputs_off(&options.directions, &nuisances));
         Fit {
             channel: (self.data.channel)(),
             sigma_a: summary.sigma_a,
@@ -290,8 +315,28 @@ impl Problem<'_> {
             termination: summary.termination,
             warnings,
             residuals: self.residuals(summary.scale),
+            nuisances,
         }
     }
+}
+
+fn is_relative(direction: &Direction) -> bool {
+    direction.kind == DirectionKind::Relative
+}
+
+/// The inputs, each once, that the data want elsewhere than stated.
+fn inputs_off(directions: &[Direction], nuisances: &[f64]) -> Vec<Warning> {
+    let mut far: Vec<(&'static str, f64)> = vec![];
+    for (direction, off) in directions.iter().zip(nuisances) {
+        match far.iter_mut().find(|f| f.0 == direction.source) {
+            Some(most) => most.1 = most.1.max(off.abs()),
+            None => far.push((direction.source, off.abs())),
+        }
+    }
+    far.retain(|f| f.1 > INPUT_OFF);
+    far.into_iter()
+        .map(|(input, off)| Warning::InputOff { input, off })
+        .collect()
 }
 
 impl Summary {

@@ -37,6 +37,8 @@ pub(crate) struct Workspace {
     /// How many directions there are of each kind, the scale left out.
     pub(crate) relative_count: usize,
     pub(crate) absolute_count: usize,
+    /// Whether the scale was free in the last reduction: how many nuisances go before them.
+    scales: usize,
     /// cₖᵢ by direction, the scale left out: its column is the model's value.
     column: Vec<f64>,
     /// What multiplies a ring's derivatives: 1 + Σ φₖᵢ zₖ.
@@ -227,6 +229,7 @@ impl Workspace {
         }
         // The nuisances at their best.
         let scales = usize::from(terms.scale_precision.is_some());
+        self.scales = scales;
         let count = directions + scales;
         let column = |k: usize| -> &[f64] {
             if k < scales {
@@ -376,6 +379,15 @@ impl Workspace {
         let mut shares = vec![noise, scale];
         shares.extend((first..n).map(of_prior));
         shares
+    }
+
+    /// The directions at their best, relative ones first: of the last call of [`Self::reduce`].
+    pub(crate) fn directions(&self) -> &[f64] {
+        let count = self.relative_count + self.absolute_count;
+        if count == 0 {
+            return &[];
+        }
+        &self.z[self.scales..][..count]
     }
 
     /// What the nuisances add to the model at their best, the rings' and then the total's own

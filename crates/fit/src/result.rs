@@ -99,6 +99,16 @@ pub enum Warning {
         /// Standard uncertainty stated of it.
         u: f64,
     },
+    /// The data want an input elsewhere than it was stated.
+    #[error(
+        "the data want `{input}` {off:.1} of its standard uncertainties from what was stated: one of the two is wrong, or the model does not hold"
+    )]
+    InputOff {
+        /// The line of the budget.
+        input: &'static str,
+        /// How far, in standard uncertainties.
+        off: f64,
+    },
     /// The total exceeds what the model can reach.
     #[error(
         "measured total reflectance {total} is above the ceiling {ceiling} of a medium that absorbs nothing, within 3 u: sigma_a is an upper limit"
@@ -179,6 +189,9 @@ pub struct Fit {
     pub warnings: Vec<Warning>,
     /// The points that took part.
     pub residuals: Vec<Residual>,
+    /// Where the data want each of [`crate::FitOptions::directions`], in its standard
+    /// uncertainties: 0 is as stated.
+    pub nuisances: Vec<f64>,
 }
 
 impl Fit {

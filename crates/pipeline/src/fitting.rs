@@ -3,7 +3,7 @@
 use crate::discrepancy::{Discrepancy, with_grain};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::library::{self, ModelChoice};
-use fit::{Constraint, Contribution, Direction, Fit, FitOptions};
+use fit::{Constraint, Contribution, Direction, DirectionKind, Estimate, Fit, FitOptions};
 use physics::footprint::Beam;
 use physics::{
     Blur, Coefficients, Footprints, ForwardModel, Material, ProfilePoint, RadialProfile,
@@ -91,6 +91,29 @@ pub enum Change {
     G(f64),
 }
 
+impl Variant {
+    fn is_beam(&self) -> bool {
+        matches!(self.change, Change::Beam(_))
+    }
+}
+
+/// An input that is one number and bends a profile in a way that no medium does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bending {
+    Eta,
+    BeamWidth,
+}
+
+impl Bending {
+    /// The line of the budget.
+    fn source(self) -> &'static str {
+        match self {
+            Self::Eta => "relative index eta",
+            Self::BeamWidth => "beam width",
+        }
+    }
+}
+
 impl Given {
     /// A model at an index, everything else exact: a thin beam along the normal, a profile of
     /// exitance per incident power, no total.
@@ -165,12 +188,55 @@ impl Given {
     /// The same with every input taken as exact that a fit does not carry along: what comes out is
     /// the same coefficients, without the neighbouring fits.
     pub(crate) fn exact(&self) -> Self {
+        let carried = Self {
+            u_length_relative: 0.0,
+            ..self.clone()
+        };
+        if self.carries_inputs() {
+            let beams = self.variants.iter();
+            return Self {
+                variants: beams.filter(|v| v.is_beam()).cloned().collect(),
+                ..carried
+            };
+        }
         Self {
             u_eta: 0.0,
-            u_length_relative: 0.0,
             u_fwhm_mm: 0.0,
             variants: vec![],
-            ..self.clone()
+            ..carried
+        }
+    }
+
+    /// Whether a fit weighs its data with what it knows of η and the beam. The hard constraint
+    /// takes them as true, and asks afterwards.
+    fn carries_inputs(&self) -> bool {
+        self.constraint != Constraint::Exact
+    }
+
+    /// The inputs that bend a profile and have one number each that may be off.
+    fn bending(&self) -> impl Iterator<Item = Bending> {
+        let all = [
+            (Bending::Eta, self.u_eta),
+            (Bending::BeamWidth, self.u_fwhm_mm),
+        ];
+        let uncertain = all.into_iter().filter(|(_, u)| *u > 0.0);
+        uncertain.map(|(bending, _)| bending)
+    }
+
+    /// The same where `input` is off by `z` of its standard uncertainties, and how far it then is:
+    /// η stops at 1.
+    fn off(&self, input: Bending, z: f64) -> (Self, f64) {
+        let mut given = self.clone();
+        match input {
+            Bending::Eta => {
+                given.eta = (self.eta + z * self.u_eta).max(1.0);
+                let moved = (given.eta - self.eta) / self.u_eta;
+                (given, moved)
+            }
+            Bending::BeamWidth => {
+                given.beam = widened(&self.beam, z * self.u_fwhm_mm);
+                (given, z)
+            }
         }
     }
 
@@ -216,9 +282,10 @@ impl Given {
 
 /// Fits one channel; `scale` lists what makes the scale uncertain that profile and total share.
 ///
-/// The uncertainties of η, of the scale of length, of the beam's width, of every variant of the
-/// inputs and of the model's own numerics are added to those of the fit, each as a line of its
-/// budget.
+/// What η and the beam may be off bends the whole profile together: the fit weighs its data with
+/// that, each a line of its budget, and its χ² is judged with it. The hard constraint takes them
+/// as true, and what they are uncertain by is added to its u, as are in any fit the uncertainties
+/// of the scale of length, of a g that was fitted along and of the model's own numerics.
 ///
 /// # Errors
 ///
@@ -253,8 +320,9 @@ pub fn fit_channel(
         total,
         given: given.clone(),
         near,
+        bends: vec![],
     };
-    let best = case.fitted(u_scale_relative)?;
+    let (case, best) = case.settled(u_scale_relative)?;
     let mut neighbours = Neighbours {
         case,
         u_scale_relative,
@@ -262,15 +330,6 @@ pub fn fit_channel(
     };
     // Neighbouring fits keep the range, so that their difference is that of the input alone.
     neighbours.case.given.range_mm = Some(best.range_mm);
-    if given.u_eta > 0.0 {
-        let (low, high) = ((given.eta - given.u_eta).max(1.0), given.eta + given.u_eta);
-        let per_u = given.u_eta / (high - low);
-        neighbours.add("relative index eta", [low, high], per_u, |case, eta| {
-            let factor = exit_factor(given.exit, given.eta) / exit_factor(given.exit, eta);
-            case.scale(|_| factor, factor);
-            case.given.eta = eta;
-        })?;
-    }
     let u_length = given.u_length_relative;
     if given.model.slab.is_some() && u_length > 0.0 {
         // The thickness was not measured in pixels and stays.
@@ -290,14 +349,19 @@ pub fn fit_channel(
             -best.sigma_s_prime.value * u_length,
         ));
     }
-    if given.u_fwhm_mm > 0.0 {
-        let u = given.u_fwhm_mm;
-        neighbours.add("beam width", [-u, u], 0.5, |case, change| {
-            case.given.beam = widened(&given.beam, change);
+    let carried = given.carries_inputs();
+    for input in given.bending().filter(|_| !carried) {
+        let (low, high) = (given.off(input, -1.0), given.off(input, 1.0));
+        let per_u = 1.0 / (high.1 - low.1);
+        let ends = [low.0, high.0];
+        neighbours.add(input.source(), [0, 1], per_u, |case, end| {
+            case.take(&ends[end]);
         })?;
     }
     for variants in given.variants.chunk_by(|a, b| a.name == b.name) {
-        neighbours.add_variants(&best, variants)?;
+        if !(carried && variants.iter().all(Variant::is_beam)) {
+            neighbours.add_variants(&best, variants)?;
+        }
     }
     let model = library::model(&given.model, given.eta)?;
     let found = best.coefficients();
@@ -348,9 +412,120 @@ struct Case {
     given: Given,
     /// Where the discrepancy of the model is taken, if it takes part.
     near: Option<Coefficients>,
+    /// What inputs do to the data that may be off, for the fit to carry along.
+    bends: Vec<Direction>,
 }
 
+/// Rounds of looking at what inputs do to the data of the medium that was found with the last.
+const ROUNDS: usize = 6;
+/// Part of its uncertainty by which a coefficient may still move from one round to the next.
+const SETTLED: f64 = 0.01;
+/// Standard uncertainties of an input over which a slope is taken at least.
+const SHORTEST: f64 = 0.3;
+
 impl Case {
+    /// The fit that carries along what it is told of its inputs.
+    ///
+    /// What an input does is taken from where it is stated to where the fit has it, at the medium
+    /// that the fit finds: the model is then the one of that input, and not of a linear guess.
+    fn settled(mut self, u_scale_relative: f64) -> Result<(Self, Fit)> {
+        let mut best = self.fitted(u_scale_relative)?;
+        if !self.given.carries_inputs() {
+            return Ok((self, best));
+        }
+        let inputs: Vec<Bending> = self.given.bending().collect();
+        let mut off = vec![1.0; inputs.len()];
+        for _ in 0..ROUNDS {
+            self.bends = self.bends(best.coefficients(), &inputs, &off)?;
+            if self.bends.is_empty() {
+                break;
+            }
+            let next = self.fitted(u_scale_relative)?;
+            let moved = |last: &Estimate, next: &Estimate| {
+                (next.value - last.value).abs() > SETTLED * next.u
+            };
+            let settled = !moved(&best.sigma_a, &next.sigma_a)
+                && !moved(&best.sigma_s_prime, &next.sigma_s_prime);
+            best = next;
+            if settled {
+                break;
+            }
+            let first = self.given.directions.len();
+            off.copy_from_slice(&best.nuisances[first..][..inputs.len()]);
+        }
+        Ok((self, best))
+    }
+
+    /// What the `inputs`, and variants of the beam, do to the data of `medium` for one standard
+    /// uncertainty, each along the way to where it is off by `off` of them.
+    fn bends(
+        &self,
+        medium: Coefficients,
+        inputs: &[Bending],
+        off: &[f64],
+    ) -> Result<Vec<Direction>> {
+        let stated = self.seen(&self.given, medium)?;
+        let direction = |source, given: &Given, per_u: f64| -> Result<Direction> {
+            let seen = self.seen(given, medium)?;
+            let exit = exit_factor(given.exit, given.eta) / exit_factor(given.exit, self.given.eta);
+            let change = |to: f64, from: f64| per_u * (exit * to - from);
+            Ok(Direction {
+                source,
+                kind: DirectionKind::Absolute,
+                profile: (seen.0.iter().zip(&stated.0))
+                    .map(|(to, from)| change(*to, *from))
+                    .collect(),
+                total: change(seen.1, stated.1),
+            })
+        };
+        let mut directions = vec![];
+        for (input, off) in inputs.iter().zip(off) {
+            let step = off.abs().max(SHORTEST).copysign(*off);
+            let (given, moved) = self.given.off(*input, step);
+            // An index of 1 has nowhere to go.
+            let per_u = if moved == 0.0 { 0.0 } else { 1.0 / moved };
+            directions.push(direction(input.source(), &given, per_u)?);
+        }
+        for variant in &self.given.variants {
+            if let Change::Beam(beam) = &variant.change {
+                let given = Given {
+                    beam: beam.clone(),
+                    ..self.given.clone()
+                };
+                directions.push(direction(variant.name, &given, variant.weight)?);
+            }
+        }
+        Ok(directions)
+    }
+
+    /// What the model says of the data where the medium is this, and the total; 0 for one that is
+    /// not there.
+    fn seen(&self, given: &Given, medium: Coefficients) -> Result<(Vec<f64>, f64)> {
+        let model = given.model()?;
+        let entry = given.entry_factor(given.eta);
+        let mut values = vec![0.0; self.profile.points.len()];
+        Footprints::new(&self.profile.points, &given.blur()).reflectance(
+            &*model,
+            medium,
+            &mut values,
+        );
+        for value in &mut values {
+            *value *= entry;
+        }
+        let total = self.total.as_ref().map_or(0.0, |t| {
+            let radius = t.radius_max_mm.unwrap_or(f64::INFINITY);
+            entry * model.within(medium, radius).value
+        });
+        Ok((values, total))
+    }
+
+    /// The data as an input that is otherwise makes them, for a fit that takes it so.
+    fn take(&mut self, given: &Given) {
+        let factor = exit_factor(given.exit, self.given.eta) / exit_factor(given.exit, given.eta);
+        self.scale(|_| factor, factor);
+        (self.given.eta, self.given.beam) = (given.eta, given.beam.clone());
+    }
+
     /// The fit, with nothing added to its own uncertainty.
     fn fitted(&self, u_scale_relative: f64) -> Result<Fit> {
         let Self {
@@ -358,32 +533,28 @@ impl Case {
             total,
             given,
             near,
+            bends,
         } = self;
         let model = given.model()?;
-        let of_model = near
-            .and_then(|near| {
-                let error = Discrepancy::of(&given.model.name, given.eta, near)?;
-                let entry = given.entry_factor(given.eta);
-                let mut values = vec![0.0; profile.points.len()];
-                Footprints::new(&profile.points, &given.blur()).reflectance(
-                    &*model,
-                    near,
-                    &mut values,
-                );
-                for value in &mut values {
-                    *value *= entry;
+        let of_model = match near {
+            Some(near) => match Discrepancy::of(&given.model.name, given.eta, *near) {
+                Some(error) => {
+                    let (values, of_total) = self.seen(given, *near)?;
+                    let total = total.as_ref().map(|t| {
+                        let radius = t.radius_max_mm.unwrap_or(f64::INFINITY);
+                        (radius, of_total)
+                    });
+                    error.directions(&profile.points, &values, total)
                 }
-                let total = total.as_ref().map(|t| {
-                    let radius = t.radius_max_mm.unwrap_or(f64::INFINITY);
-                    (radius, entry * model.within(near, radius).value)
-                });
-                Some(error.directions(&profile.points, &values, total))
-            })
-            .unwrap_or_default();
+                None => vec![],
+            },
+            None => vec![],
+        };
         let mut options = FitOptions {
             near: *near,
             ..given.options(u_scale_relative)
         };
+        options.directions.extend_from_slice(bends);
         options.directions.extend(of_model);
         fit::fit(profile, total.as_ref(), &*model, &options)
             .input(format!("channel {}", profile.channel))
@@ -411,6 +582,11 @@ impl Case {
             p.ring_mm = p.ring_mm.map(|(a, b)| (a * factor, b * factor));
             p.reflectance_per_mm2 /= factor * factor;
             p.u_reflectance_per_mm2 /= factor * factor;
+        }
+        for direction in &mut self.bends {
+            for change in &mut direction.profile {
+                *change /= factor * factor;
+            }
         }
         if let Some(t) = &mut self.total {
             t.radius_max_mm = t.radius_max_mm.map(|r| r * factor);
@@ -441,14 +617,14 @@ struct Neighbours {
 impl Neighbours {
     /// The line of an input that is one number: half the way, or so much of it as `per_u` says,
     /// between the fits at the two `steps` of it, which `change` brings about.
-    fn add(
+    fn add<Step>(
         &mut self,
         source: &str,
-        [low, high]: [f64; 2],
+        [low, high]: [Step; 2],
         per_u: f64,
-        change: impl Fn(&mut Case, f64),
+        change: impl Fn(&mut Case, Step),
     ) -> Result<()> {
-        let at = |step: f64| -> Result<Coefficients> {
+        let at = |step: Step| -> Result<Coefficients> {
             let mut case = self.case.clone();
             change(&mut case, step);
             Ok(case.fitted(self.u_scale_relative)?.coefficients())

@@ -302,6 +302,10 @@ impl Verdict {
                     "the data want the scale of the white reference times {scale:.3}, stated with \
                      u {u:.3}"
                 )),
+                Warning::InputOff { input, off } => bad.push(format!(
+                    "the data want the {input} {off:.1} of its standard uncertainties from what \
+                     was stated"
+                )),
                 _ => {}
             }
         }

@@ -8,6 +8,7 @@ use physics::{Coefficients, fresnel};
 use pipeline::bootstrap::Channel;
 use pipeline::fitting::{Given, fit_channel};
 use pipeline::library::{self, ModelChoice};
+use profile::Exit;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use transport::TransportModel;
@@ -87,4 +88,66 @@ fn replicas_spread_by_what_the_budget_says() {
     assert!((ratio - 1.0).abs() < 0.105, "{ratio}: {found:?} {fit:?}");
     let ratio = found.u_sigma_s_prime_per_mm / fit.sigma_s_prime.u;
     assert!((ratio - 1.0).abs() < 0.105, "{ratio}: {found:?} {fit:?}");
+}
+
+/// What η does to a profile no medium does: a fit that knows how far η may be off finds where it is,
+/// and calls no residual of it noise.
+#[test]
+fn an_input_that_bends_the_profile_is_found_with_the_medium() {
+    let medium = Coefficients {
+        sigma_a: 0.032,
+        sigma_s_prime: 0.74,
+    };
+    let (stated, off) = (1.3, 2.0);
+    let given = Given {
+        u_eta: 0.01,
+        ..given(ModelChoice::default(), stated)
+    };
+    let eta = stated + off * given.u_eta;
+    let model = library::model(&given.model, eta).unwrap();
+    let (mut profile, mut total) = noiseless(&*model, fresnel::entry_factor(eta, 1.0), medium);
+    // Radiance became exitance by the factor of the stated index.
+    let Exit::Fresnel { angle, .. } = given.exit else {
+        panic!("{given:?}");
+    };
+    let factor = |eta| Exit::Fresnel { eta, angle }.factor();
+    let seen = factor(eta) / factor(stated);
+    for p in &mut profile.points {
+        p.reflectance_per_mm2 *= seen;
+    }
+    total.total_reflectance *= seen;
+    let fitted = |given: &Given| fit_channel(&profile, Some(&total), &scale(0.005), given).unwrap();
+    let fit = fitted(&given);
+    let pull = |e: &fit::Estimate, truth: f64| (e.value - truth).abs() / e.u;
+    // Without noise nothing is left but the prior of η itself: 2² of 43 data.
+    assert!(pull(&fit.sigma_a, medium.sigma_a) < 0.1, "{fit:?}");
+    assert!(
+        pull(&fit.sigma_s_prime, medium.sigma_s_prime) < 0.1,
+        "{fit:?}"
+    );
+    assert!(
+        fit.reduced_chi2 < 0.11 && fit.warnings.is_empty(),
+        "{fit:?}"
+    );
+    assert!((fit.nuisances[0] - off).abs() < 0.1, "{:?}", fit.nuisances);
+    let line = |fit: &fit::Fit| {
+        let of = fit.budget.iter().find(|c| c.source == "relative index eta");
+        of.unwrap().u_sigma_a / fit.sigma_a.value
+    };
+    // The hard constraint takes η as true: off, but within what it says of η.
+    let hard = fitted(&Given {
+        constraint: fit::Constraint::Exact,
+        ..given.clone()
+    });
+    assert!(
+        hard.reduced_chi2 > 10.0 && line(&hard) > 3.0 * line(&fit),
+        "{hard:?}"
+    );
+    // An index that is nowhere near what was stated is told.
+    let far = fitted(&Given {
+        u_eta: given.u_eta / 10.0,
+        ..given.clone()
+    });
+    let told = |w: &fit::Warning| matches!(w, fit::Warning::InputOff { off, .. } if *off > 10.0);
+    assert!(far.warnings.iter().any(told), "{far:?}");
 }

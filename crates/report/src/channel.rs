@@ -167,6 +167,7 @@ mod tests {
             termination: Termination::Converged,
             warnings: vec![],
             residuals: vec![],
+            nuisances: vec![],
         }
     }
 

@@ -316,6 +316,7 @@ fn odd(points: &[(f64, f64, f64)], number: f64) -> (Fit, RadialProfile) {
                 nuisances_per_mm2: 0.0,
             })
             .collect(),
+        nuisances: vec![],
     };
     (fit, profile)
 }

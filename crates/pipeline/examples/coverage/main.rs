@@ -1,6 +1,7 @@
 //! Whether intervals hold the truth as often as they say.
 //!
-//! `cargo run --release -p beamspot-pipeline --example coverage -- STUDY [N]`, where STUDY is
+//! `cargo run --release -p beamspot-pipeline --example coverage -- STUDY [N [ONLY [SEED]]]`, where
+//! ONLY is a part of the name of the cells to run, SEED shifts what is drawn, and STUDY is
 //!
 //! | `right` | N captures in each cell (material × u of the scale), every systematic drawn from its u |
 //! | `wrong` | N captures of transport's light, of media that no discrepancy was trained on |
@@ -14,7 +15,7 @@ mod captures;
 use captures::{given, noiseless, scale};
 use fit::{Constraint, Estimate, Fit};
 use physics::footprint::Beam;
-use physics::{Coefficients, ForwardModel, fresnel};
+use physics::{Coefficients, Footprints, ForwardModel, fresnel};
 use pipeline::bootstrap::Channel;
 use pipeline::discrepancy::Discrepancy;
 use pipeline::fitting::{Given, fit_channel};
@@ -31,11 +32,17 @@ fn main() -> Outcome {
     let mut arguments = std::env::args().skip(1);
     let study = arguments.next().unwrap_or_default();
     let count = arguments.next().map(|n| n.parse()).transpose()?;
+    let only = arguments.next().unwrap_or_default();
+    let seed = arguments
+        .next()
+        .map(|n| n.parse())
+        .transpose()?
+        .unwrap_or(0);
     match study.as_str() {
-        "right" => right(count.unwrap_or(400)),
-        "wrong" => wrong(count.unwrap_or(400)),
-        "efficiency" => efficiency(count.unwrap_or(400)),
-        "bootstrap" => bootstrap(count.unwrap_or(2000)),
+        "right" => right(count.unwrap_or(400), &only, seed),
+        "wrong" => wrong(count.unwrap_or(400), &only, seed),
+        "efficiency" => efficiency(count.unwrap_or(400), &only),
+        "bootstrap" => bootstrap(count.unwrap_or(2000), &only),
         _ => Err("name a study: right, wrong, efficiency, bootstrap".into()),
     }
 }
@@ -86,14 +93,18 @@ const MEDIA: [(&str, f64, f64, f64); 4] = [
     ("cream R", 0.0002, 7.38, 1.3),
 ];
 
-fn right(count: usize) -> Outcome {
+fn right(count: usize, only: &str, seed: u64) -> Outcome {
     let (mut inside, mut of) = ([0; 2], 0);
-    for (name, sigma_a, sigma_s_prime, eta) in MEDIA {
+    for (index, (name, sigma_a, sigma_s_prime, eta)) in (0..).zip(MEDIA) {
         let medium = Coefficients {
             sigma_a,
             sigma_s_prime,
         };
         for u_scale in [0.003, 0.01, 0.03] {
+            let cell = format!("{name}, u of the scale {:.1} %", 100.0 * u_scale);
+            if !cell.contains(only) {
+                continue;
+            }
             let given = Given {
                 u_eta: 0.01,
                 u_length_relative: 0.005,
@@ -118,7 +129,9 @@ fn right(count: usize) -> Outcome {
             let fits = (0..count as u64)
                 .into_par_iter()
                 .map(|i| {
-                    let mut rng = Pcg64::seed_from_u64(1_000 * (u_scale * 1e4) as u64 + i);
+                    // Draws of its own for every cell, or one capture's luck would count twelve times.
+                    let cell = 4 * (u_scale * 1e3).round() as u64 + index;
+                    let mut rng = Pcg64::seed_from_u64((seed << 40) + (cell << 20) + i);
                     let (profile, total) = channel.drawn(medium, &mut rng).ok()?;
                     let joint = fit_channel(&profile, total.as_ref(), &scale, &given).ok()?;
                     let exact = fit_channel(&profile, total.as_ref(), &scale, &exact).ok();
@@ -139,14 +152,30 @@ fn right(count: usize) -> Outcome {
                 .iter()
                 .filter(|(f, c)| holds(&f.sigma_s_prime, c.sigma_s_prime))
                 .count();
-            println!(
-                "{name}, u of the scale {:.1} %, {failed} failed",
-                100.0 * u_scale
-            );
+            println!("{cell}, {failed} failed");
             for (how, fits) in [("joint", &joint), ("exact", &exact)] {
                 let [a, s] = both(fits);
                 println!("  {how} σa:  {a}\n  {how} σs′: {s}");
             }
+            // Data without noise and blurred as stated are fitted by the truth: the inverse of
+            // Fisher's matrix there.
+            let mut seen = vec![0.0; profile.points.len()];
+            let blur = given.options(0.0).blur;
+            Footprints::new(&profile.points, &blur).reflectance(&*model, medium, &mut seen);
+            let mut clean = profile.clone();
+            for (p, seen) in clean.points.iter_mut().zip(seen) {
+                p.reflectance_per_mm2 = fresnel::entry_factor(eta, 1.0) * seen;
+            }
+            let bound = fit_channel(&clean, Some(&total), &scale, &given)?;
+            let width = |of: fn(&Fit) -> &Estimate| {
+                let found = joint.iter().map(|(f, _)| of(f).ci95.1 - of(f).ci95.0);
+                median(found.collect()) / (2.0 * 1.96 * of(&bound).u)
+            };
+            println!(
+                "  width of the joint intervals over the bound's: σa {:.3}, σs′ {:.3}",
+                width(|f| &f.sigma_a),
+                width(|f| &f.sigma_s_prime)
+            );
         }
     }
     println!(
@@ -167,19 +196,19 @@ fn held_out(rng: &mut Pcg64) -> (Coefficients, f64, f64) {
     (medium, uniform(1.2, 1.6), uniform(0.0, 0.93))
 }
 
-fn wrong(count: usize) -> Outcome {
+fn wrong(count: usize, only: &str, seed: u64) -> Outcome {
     for name in MODELS {
         let choice = ModelChoice {
             name: name.to_owned(),
             ..ModelChoice::default()
         };
-        if !Discrepancy::is_known(name) {
+        if !Discrepancy::is_known(name) || !name.contains(only) {
             continue;
         }
         let found = (0..count as u64)
             .into_par_iter()
             .filter_map(|i| {
-                let mut rng = Pcg64::seed_from_u64(77_000 + i);
+                let mut rng = Pcg64::seed_from_u64(seed * 1_000_000 + 77_000 + i);
                 let (medium, eta, g) = held_out(&mut rng);
                 let truth = TransportModel::new(eta, g).ok()?;
                 let (mut profile, mut total) =
@@ -232,20 +261,21 @@ fn wrong(count: usize) -> Outcome {
     Ok(())
 }
 
-/// The 36 channels of Jensen's table.
-fn channels() -> Vec<(String, Coefficients, f64)> {
+/// The 36 channels of Jensen's table, or those of them with `only` in their name.
+fn channels(only: &str) -> Vec<(String, Coefficients, f64)> {
     library::materials()
         .into_iter()
         .map(|m| {
             let name = format!("{} {}", m.material, m.channel);
             (name, m.medium.coefficients(), m.medium.eta)
         })
+        .filter(|(name, _, _)| name.contains(only))
         .collect()
 }
 
-fn efficiency(count: usize) -> Outcome {
+fn efficiency(count: usize, only: &str) -> Outcome {
     let mut ratios = vec![];
-    for (name, medium, eta) in channels() {
+    for (name, medium, eta) in channels(only) {
         let given = given(dipole(), eta);
         let model = library::model(&given.model, eta)?;
         let (profile, total) = noiseless(&*model, fresnel::entry_factor(eta, 1.0), medium);
@@ -283,9 +313,9 @@ fn efficiency(count: usize) -> Outcome {
     Ok(())
 }
 
-fn bootstrap(count: usize) -> Outcome {
+fn bootstrap(count: usize, only: &str) -> Outcome {
     let mut worst = 0.0_f64;
-    for (name, medium, eta) in channels() {
+    for (name, medium, eta) in channels(only) {
         let given = Given {
             u_eta: 0.01,
             u_length_relative: 0.005,
