@@ -128,7 +128,18 @@ impl BssrdfModel {
             }
             _ => 1.0,
         };
-        Ok(Diffusion { profile, share })
+        let source_depth_mm = match self {
+            // Their light is thought to come from the surface itself, near which R_d has no bound.
+            Self::Directional | Self::MonteCarlo => 0.0,
+            Self::Jensen2001 | Self::Corrected | Self::BetterDipole => {
+                1.0 / (medium.sigma_a + medium.reduced().sigma_s_prime)
+            }
+        };
+        Ok(Diffusion {
+            profile,
+            share,
+            source_depth_mm,
+        })
     }
 }
 
@@ -172,7 +183,7 @@ pub fn returned(medium: &Medium) -> Result<(f64, f64)> {
 ///
 /// As [`BssrdfModel::diffusion`].
 pub fn audit(model: BssrdfModel, medium: &Medium) -> Result<(f64, f64)> {
-    let Diffusion { profile, share } = model.diffusion(medium)?;
+    let Diffusion { profile, share, .. } = model.diffusion(medium)?;
     let leaves = match model.exit() {
         Exit::Paper => 1.0 - fresnel::diffuse_reflectance(medium.eta),
         Exit::Balanced => 1.0,

@@ -3,11 +3,11 @@
 use crate::Vec3;
 use crate::boundary::part;
 use crate::light::{Incident, Light, Spot};
-use crate::scene::Scene;
-use crate::shape::{Hit, Shape};
+use crate::scene::{Object, Scene};
+use crate::shape::{Hit, Mesh, Shape};
 use crate::surface::{Point, Shader, arrives, unhidden};
 use physics::fresnel;
-use physics::random::{Stream, uniform};
+use physics::random::{Stream, stream, uniform};
 use physics::{HenyeyGreenstein, Medium, PhaseFunction};
 use std::f64::consts::{PI, TAU};
 
@@ -132,7 +132,9 @@ pub enum Sampling {
     /// The paper's: distance from the density σₜᵣ e^(−σₜᵣ d), in the plane of the surface.
     Exponential,
     /// Distance from R_d itself or the exponential, by halves, in planes across the normal and two
-    /// axes beside it; all of their densities count at the point that was hit.
+    /// axes beside it, and every point that the line across the plane meets; beside them, on
+    /// meshes, a point drawn by how much light falls on its triangle. All of their densities
+    /// count at each point.
     Axes,
     /// Evenly over the whole surface: the yardstick of the others.
     Area,
@@ -154,20 +156,108 @@ pub struct Diffusion {
     pub profile: Profile,
     /// Factor on it: 1, or what single scattering leaves of the energy.
     pub share: f64,
+    /// How far below the surface the light is thought to come from, mm: the distance to there
+    /// counts on curved surfaces. 0 for a profile that has no such source.
+    pub source_depth_mm: f64,
 }
 
 /// The BSSRDF of all solids of a scene.
 pub struct Bssrdf {
     of_object: Vec<Vec<Diffusion>>,
-    exit: Exit,
+    /// Of each solid and channel: what F_t of the way out is multiplied by.
+    leaving: Vec<Vec<f64>>,
     single: bool,
     sampling: Sampling,
-    areas: Vec<Option<Areas>>,
+    /// Of each mesh, for the ways of drawing that need it.
+    triangles: Vec<Option<Triangles>>,
 }
 
-/// The triangles or faces of a solid by their area.
-struct Areas {
+/// The triangles of a mesh, to be drawn by a weight that is even over each of them.
+struct Triangles {
+    /// Weights of a triangle and all before it.
     below: Vec<f64>,
+    /// Density of a draw at a point of each, mm⁻².
+    density: Vec<f64>,
+}
+
+/// Draws of the light on a triangle: enough to tell lit ones from dark ones.
+const LIGHT_DRAWS: usize = 4;
+/// Share of the radii that are drawn evenly from the disk in which a source may be right below.
+const CURVED: f64 = 0.3;
+/// Share of the radii that are drawn from the exponential.
+const FAR: f64 = 0.3;
+/// A drawn point that may bring this share of the light of an even surface looks for lamps.
+const SURE_SHARE: f64 = 0.1;
+/// Share of the draws by light that is even over the surface, for what those missed.
+const EVEN: f64 = 0.1;
+
+impl Triangles {
+    fn new(mesh: &Mesh, mut weight: impl FnMut(usize) -> f64) -> Self {
+        let area = |k| {
+            let [a, b, c] = mesh.corners(k);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        let weights: Vec<f64> = (0..mesh.len()).map(|k| area(k) * weight(k)).collect();
+        let areas: Vec<f64> = (0..mesh.len()).map(area).collect();
+        let (all, surface) = (weights.iter().sum::<f64>(), areas.iter().sum::<f64>());
+        let mut below = vec![];
+        let mut density = vec![];
+        let mut sum = 0.0;
+        for (weight, area) in weights.iter().zip(&areas) {
+            let even = area / surface;
+            let share = if all > 0.0 {
+                (1.0 - EVEN) * weight / all + EVEN * even
+            } else {
+                even
+            };
+            sum += share;
+            below.push(sum);
+            density.push(share / area);
+        }
+        Self { below, density }
+    }
+
+    /// By the light that falls on them from the lamps, all channels together.
+    fn by_light(scene: &Scene, object: usize, mesh: &Mesh) -> Self {
+        let mut rng = stream(0, &[5, object as u64]);
+        Self::new(mesh, |face| {
+            let mut sum = 0.0;
+            for _ in 0..LIGHT_DRAWS {
+                let point = on_triangle(scene, object, mesh, face, &mut rng);
+                for (index, lamp) in scene.lamps.iter().enumerate() {
+                    if lamp.light.is_beam() {
+                        continue;
+                    }
+                    if let Some(incident) = arrives(scene, index, &point, &mut rng) {
+                        let strength: f64 = lamp.strength.iter().sum();
+                        let cos_in = incident.toward.dot(point.normal);
+                        sum += strength * incident.irradiance * cos_in;
+                    }
+                }
+            }
+            sum
+        })
+    }
+
+    fn draw(&self, scene: &Scene, object: usize, mesh: &Mesh, rng: &mut Stream) -> (Point, usize) {
+        let at = uniform(rng) * self.below.last().copied().unwrap_or(0.0);
+        let face = self.below.partition_point(|sum| *sum <= at);
+        let face = face.min(mesh.len() - 1);
+        (on_triangle(scene, object, mesh, face, rng), face)
+    }
+}
+
+fn on_triangle(scene: &Scene, object: usize, mesh: &Mesh, face: usize, rng: &mut Stream) -> Point {
+    let [a, b, c] = mesh.corners(face);
+    let root = uniform(rng).sqrt();
+    let (u, v) = (1.0 - root, root * uniform(rng));
+    let place = a + (1.0 - u - v) * (b - a) + v * (c - a);
+    let hit = Hit {
+        distance: 0.0,
+        normal: (b - a).cross(c - a).normalize(),
+        face,
+    };
+    Point::new(scene, object, place, &hit)
 }
 
 impl Bssrdf {
@@ -188,64 +278,72 @@ impl Bssrdf {
         for list in &of_object {
             assert_eq!(list.len(), scene.channels.len());
         }
-        let areas = scene
-            .objects
-            .iter()
-            .map(|o| match (&o.shape, sampling) {
-                (Shape::Mesh(mesh), Sampling::Area) => {
-                    let mut sum = 0.0;
-                    let area = |k| {
-                        let [a, b, c] = mesh.corners(k);
-                        sum += 0.5 * (b - a).cross(c - a).length();
-                        sum
-                    };
-                    Some(Areas {
-                        below: (0..mesh.len()).map(area).collect(),
-                    })
+        let leaving = |object: &Object| {
+            let of_medium = |medium: &Medium| match exit {
+                Exit::Paper => 1.0 / PI,
+                Exit::Balanced => {
+                    let eta = medium.eta;
+                    fresnel::exit_factor(eta, 1.0) / fresnel::entry_factor(eta, 1.0) / PI
+                }
+            };
+            object.material.media.iter().map(of_medium).collect()
+        };
+        let leaving = scene.objects.iter().map(leaving).collect();
+        let triangles = scene.objects.iter().enumerate();
+        let triangles = triangles
+            .map(|(index, object)| match (&object.shape, sampling) {
+                (Shape::Mesh(mesh), Sampling::Area) => Some(Triangles::new(mesh, |_| 1.0)),
+                (Shape::Mesh(mesh), Sampling::Axes) => {
+                    Some(Triangles::by_light(scene, index, mesh))
                 }
                 _ => None,
             })
             .collect();
         Self {
             of_object,
-            exit,
+            leaving,
             single,
             sampling,
-            areas,
+            triangles,
         }
     }
 
-    /// Share of the radii that are drawn from R_d itself, the others being from the exponential.
-    fn near(&self, profile: &Profile) -> f64 {
+    /// Shares of the radii that are drawn from R_d itself, evenly from the disk in which a source
+    /// may be right below, and from the exponential.
+    fn shares(&self, model: &Diffusion) -> [f64; 3] {
+        // On a curved surface the source may be nearer than the plane of the axis has it: the
+        // other two fall more slowly and keep the weights bounded there.
         match self.sampling {
-            // On a curved surface the source is nearer than the plane of the axis has it: the
-            // exponential falls more slowly and keeps the weights bounded there.
-            Sampling::Axes if profile.sigma_tr > 0.0 => 0.5,
-            Sampling::Axes => 1.0,
-            Sampling::Exponential | Sampling::Area => 0.0,
+            Sampling::Axes => {
+                let curved = if model.source_depth_mm > 0.0 {
+                    CURVED
+                } else {
+                    0.0
+                };
+                let far = if model.profile.sigma_tr > 0.0 {
+                    FAR
+                } else {
+                    0.0
+                };
+                [1.0 - curved - far, curved, far]
+            }
+            Sampling::Exponential | Sampling::Area => [0.0, 0.0, 1.0],
         }
     }
 
-    /// A point from which diffuse light may come to `to`, and one over its density per area.
-    fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Option<(Point, f64)> {
+    /// Points from which diffuse light may come to `to`, each with one over the density per area
+    /// in which such points are drawn.
+    fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Vec<(Point, f64)> {
         let object = &scene.objects[to.object];
-        let media = &self.of_object[to.object];
+        let lit = match (&object.shape, &self.triangles[to.object]) {
+            (Shape::Mesh(mesh), Some(triangles)) => Some((mesh, triangles)),
+            _ => None,
+        };
         if self.sampling == Sampling::Area {
-            return match (&object.shape, &self.areas[to.object]) {
-                (Shape::Mesh(mesh), Some(areas)) => {
-                    let all = *areas.below.last()?;
-                    let at = uniform(rng) * all;
-                    let face = areas.below.partition_point(|sum| *sum <= at);
-                    let [a, b, c] = mesh.corners(face.min(mesh.len() - 1));
-                    let root = uniform(rng).sqrt();
-                    let (u, v) = (1.0 - root, root * uniform(rng));
-                    let place = a + (1.0 - u - v) * (b - a) + v * (c - a);
-                    let hit = Hit {
-                        distance: 0.0,
-                        normal: (b - a).cross(c - a).normalize(),
-                        face,
-                    };
-                    Some((Point::new(scene, to.object, place, &hit), all))
+            return match (&object.shape, lit) {
+                (_, Some((mesh, triangles))) => {
+                    let (point, face) = triangles.draw(scene, to.object, mesh, rng);
+                    vec![(point, 1.0 / triangles.density[face])]
                 }
                 (Shape::Sphere(ball), _) => {
                     let normal = crate::light::on_sphere(rng);
@@ -256,18 +354,39 @@ impl Bssrdf {
                     };
                     let place = ball.center + ball.radius * normal;
                     let area = 4.0 * PI * ball.radius * ball.radius;
-                    Some((Point::new(scene, to.object, place, &hit), area))
+                    vec![(Point::new(scene, to.object, place, &hit), area)]
                 }
                 // Nothing else has to be a yardstick.
-                _ => None,
+                _ => vec![],
             };
         }
-        let normal = to.true_normal;
-        let (u, v) = normal.any_orthonormal_pair();
+        let (u, v) = to.true_normal.any_orthonormal_pair();
         let axes: &[(Vec3, f64)] = match self.sampling {
-            Sampling::Exponential | Sampling::Area => &[(normal, 1.0)],
-            Sampling::Axes => &[(normal, 0.7), (u, 0.15), (v, 0.15)],
+            Sampling::Exponential | Sampling::Area => &[(to.true_normal, 1.0)],
+            Sampling::Axes => &[(to.true_normal, 0.7), (u, 0.15), (v, 0.15)],
         };
+        let mut found = vec![];
+        if let Some((through, axis)) = self.line(to, axes, rng) {
+            for (place, hit) in crossings(&object.shape, through, axis) {
+                found.push((Point::new(scene, to.object, place, &hit), hit.face));
+            }
+        }
+        if let Some((mesh, triangles)) = lit {
+            found.push(triangles.draw(scene, to.object, mesh, rng));
+        }
+        // All points that are drawn together have the sum of their densities (Campbell's theorem):
+        // nothing has to be known of how many a line meets.
+        let per_density = |(point, face): (Point, usize)| {
+            let by_light = lit.map_or(0.0, |(_, triangles)| triangles.density[face]);
+            let density = by_light + self.density(to, &point, axes);
+            (density > 0.0).then(|| (point, 1.0 / density))
+        };
+        found.into_iter().filter_map(per_density).collect()
+    }
+
+    /// A line across the plane of one of the axes, at a distance from `to` that is drawn.
+    fn line(&self, to: &Point, axes: &[(Vec3, f64)], rng: &mut Stream) -> Option<(Vec3, Vec3)> {
+        let media = &self.of_object[to.object];
         let pick = uniform(rng);
         let mut sum = 0.0;
         let &(axis, _) = axes.iter().find(|(_, share)| {
@@ -277,114 +396,129 @@ impl Bssrdf {
         // The profile of one channel serves all, with the mean of their densities.
         let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
         let xi = uniform(rng);
-        let profile = &media[channel].profile;
-        let radius = if uniform(rng) < self.near(profile) {
-            profile.draw(xi)
+        let model = &media[channel];
+        let [own, curved, _] = self.shares(model);
+        let way = uniform(rng);
+        let radius = if way < own {
+            model.profile.draw(xi)
+        } else if way < own + curved {
+            2.0 * model.source_depth_mm * xi.sqrt()
         } else {
-            -(1.0 - xi).ln() / profile.sigma_tr
+            -(1.0 - xi).ln() / model.profile.sigma_tr
         };
         if !radius.is_finite() {
             return None;
         }
         let (a, b) = axis.any_orthonormal_pair();
         let (sin, cos) = (TAU * uniform(rng)).sin_cos();
-        let through = to.at + radius * (cos * a + sin * b);
-        let hits = crossings(&object.shape, through, axis);
-        if hits.is_empty() {
-            return None;
-        }
-        let count = hits.len();
-        let chosen = ((uniform(rng) * count as f64) as usize).min(count - 1);
-        let (place, hit) = &hits[chosen];
-        let offset = *place - to.at;
-        let density = |radius: f64| {
+        Some((to.at + radius * (cos * a + sin * b), axis))
+    }
+
+    /// How many points [`Self::line`] finds at `from`, mm⁻².
+    fn density(&self, to: &Point, from: &Point, axes: &[(Vec3, f64)]) -> f64 {
+        let media = &self.of_object[to.object];
+        let of_radius = |radius: f64| {
             let of_channel = |d: &Diffusion| {
-                let near = self.near(&d.profile);
+                let [own, curved, far] = self.shares(d);
                 let s = d.profile.sigma_tr;
+                let most = 2.0 * d.source_depth_mm;
                 let mut density = 0.0;
-                if near > 0.0 {
-                    density += near * d.profile.value(radius) / d.profile.total;
+                if own > 0.0 {
+                    density += own * d.profile.value(radius) / d.profile.total;
                 }
-                if near < 1.0 {
-                    density += (1.0 - near) * s * (-s * radius).exp() / (TAU * radius);
+                if curved > 0.0 && radius < most {
+                    density += curved / (PI * most * most);
+                }
+                if far > 0.0 {
+                    density += far * s * (-s * radius).exp() / (TAU * radius);
                 }
                 density
             };
             media.iter().map(of_channel).sum::<f64>() / media.len() as f64
         };
-        let density: f64 = axes
-            .iter()
-            .map(|(axis, share)| {
-                let across = (offset - offset.dot(*axis) * axis).length();
-                share * density(across) * hit.normal.dot(*axis).abs()
-            })
-            .sum();
-        let point = Point::new(scene, to.object, *place, hit);
-        (density > 0.0).then(|| (point, count as f64 / density))
+        let offset = from.at - to.at;
+        let of_axis = |(axis, share): &(Vec3, f64)| {
+            let across = (offset - offset.dot(*axis) * axis).length();
+            share * of_radius(across) * from.true_normal.dot(*axis).abs()
+        };
+        axes.iter().map(of_axis).sum()
     }
 
     /// Diffuse radiance at `to` for each unit of power that enters at `from`, over π times the
     /// factor of exit, mm⁻².
-    fn spread(&self, diffusion: &Diffusion, path: f64, from: &Point, to: &Point) -> f64 {
+    fn spread(diffusion: &Diffusion, from: &Point, to: &Point) -> f64 {
         // The real source is a transport length below `from`; it is never nearer than that, as
         // the paper has it for curved surfaces. On a plane this is the distance along it.
         let offset = to.at - from.at;
-        let square = offset.length_squared() + 2.0 * path * offset.dot(from.true_normal);
+        let deeper = 2.0 * diffusion.source_depth_mm * offset.dot(from.true_normal);
+        let square = offset.length_squared() + deeper;
         diffusion.share * diffusion.profile.value(square.max(0.0).sqrt())
-    }
-
-    fn leaves(&self, eta: f64, cos_out: f64) -> f64 {
-        let factor = match self.exit {
-            Exit::Paper => fresnel::entry_factor(eta, cos_out),
-            Exit::Balanced => fresnel::exit_factor(eta, cos_out),
-        };
-        factor / PI
     }
 
     fn diffuse(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
         let media = &scene.objects[point.object].material.media;
+        let models = &self.of_object[point.object];
         let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
-        let mut add = |from: &Point, lamp: usize, cos_in: f64, power: f64| {
+        let leaves = media.iter().zip(&self.leaving[point.object]);
+        let leaves: Vec<f64> = leaves
+            .map(|(medium, leaving)| fresnel::entry_factor(medium.eta, cos_out) * leaving)
+            .collect();
+        let mut add = |index: usize, from: &Point, spread: &[f64], toward: Vec3, power: f64| {
+            let cos_in = toward.dot(from.normal).clamp(0.0, 1.0);
             for (channel, medium) in media.iter().enumerate() {
-                let reduced = medium.reduced();
-                let path = 1.0 / (reduced.sigma_a + reduced.sigma_s_prime);
-                let diffusion = &self.of_object[point.object][channel];
                 out[channel] += power
-                    * scene.lamps[lamp].strength[channel]
+                    * scene.lamps[index].strength[channel]
                     * fresnel::entry_factor(medium.eta, cos_in)
-                    * self.spread(diffusion, path, from, point)
-                    * self.leaves(medium.eta, cos_out);
+                    * spread[channel]
+                    * leaves[channel];
+            }
+        };
+        let mut spread = vec![0.0; media.len()];
+        let reach = |from: &Point, spread: &mut [f64]| {
+            for (spread, model) in spread.iter_mut().zip(models) {
+                *spread = Self::spread(model, from, point);
             }
         };
         // A beam lights a spot that no drawing of points would find: its rays are drawn instead.
-        let is_beam = |light: &Light| matches!(light, Light::Beam { .. });
+        let mut others = false;
         for (index, lamp) in scene.lamps.iter().enumerate() {
-            if is_beam(&lamp.light) {
-                let ray = lamp.light.emit(scene.reach(), rng);
-                if let Some((object, hit)) = scene.enter(ray.origin, ray.direction)
-                    && object == point.object
-                {
-                    let at = ray.origin + hit.distance * ray.direction;
-                    let from = Point::new(scene, object, at, &hit);
-                    let cos_in = (-ray.direction.dot(from.normal)).clamp(0.0, 1.0);
-                    add(&from, index, cos_in, ray.power);
-                }
-            }
-        }
-        if scene.lamps.iter().all(|lamp| is_beam(&lamp.light)) {
-            return;
-        }
-        let Some((from, per_density)) = self.draw(scene, point, rng) else {
-            return;
-        };
-        for (index, lamp) in scene.lamps.iter().enumerate() {
-            if is_beam(&lamp.light) {
+            if !lamp.light.is_beam() {
+                others = true;
                 continue;
             }
-            if let Some(incident) = arrives(scene, index, &from, rng) {
-                let cos_in = incident.toward.dot(from.normal).min(1.0);
-                let power = per_density * incident.irradiance * cos_in;
-                add(&from, index, cos_in, power);
+            let ray = lamp.light.emit(scene.reach(), rng);
+            if let Some((object, hit)) = scene.enter(ray.origin, ray.direction)
+                && object == point.object
+            {
+                let at = ray.origin + hit.distance * ray.direction;
+                let from = Point::new(scene, object, at, &hit);
+                reach(&from, &mut spread);
+                add(index, &from, &spread, -ray.direction, ray.power);
+            }
+        }
+        if others {
+            for (from, per_density) in self.draw(scene, point, rng) {
+                reach(&from, &mut spread);
+                // How much of the light that the point gives back this is, at most over the
+                // channels. Lamps are not looked for in vain: roulette takes what is little.
+                let share = |(spread, model): (&f64, &Diffusion)| {
+                    spread * per_density / (model.share * model.profile.total)
+                };
+                let share = spread.iter().zip(models).map(share).fold(0.0, f64::max);
+                let kept = (share / SURE_SHARE).min(1.0);
+                if uniform(rng) >= kept {
+                    continue;
+                }
+                for (index, lamp) in scene.lamps.iter().enumerate() {
+                    if lamp.light.is_beam() {
+                        continue;
+                    }
+                    if let Some(incident) = arrives(scene, index, &from, rng) {
+                        let cos_in = incident.toward.dot(from.normal).min(1.0);
+                        let power = per_density / kept * incident.irradiance * cos_in;
+                        add(index, &from, &spread, incident.toward, power);
+                    }
+                }
             }
         }
     }
@@ -524,6 +658,9 @@ fn within_beam(
 
 /// Every point in which a line crosses the surface of a solid.
 fn crossings(shape: &Shape, through: Vec3, axis: Vec3) -> Vec<(Vec3, Hit)> {
+    if let Shape::Mesh(mesh) = shape {
+        return mesh.crossings(through, axis);
+    }
     let Some((low, high)) = shape.bounds() else {
         // A half-space: once, from the outside.
         let hit = [axis, -axis].into_iter().find_map(|direction| {
@@ -538,8 +675,8 @@ fn crossings(shape: &Shape, through: Vec3, axis: Vec3) -> Vec<(Vec3, Hit)> {
     let mut at = through - back * axis;
     let mut found = vec![];
     let mut outside = true;
-    // A line crosses no mesh so often; a hole may leave it where it cannot come out.
-    while found.len() < 1000 {
+    // Twice: the solid is convex.
+    while found.len() < 2 {
         let hit = if outside {
             shape.enter(at, axis)
         } else {

@@ -98,6 +98,11 @@ impl Light {
         }
     }
 
+    /// Whether it lights a spot so small that draws of surface points would miss it.
+    pub(crate) fn is_beam(&self) -> bool {
+        matches!(self, Self::Beam { .. })
+    }
+
     /// A ray toward what lies within `reach`.
     pub(crate) fn emit(&self, reach: Reach, rng: &mut Stream) -> Emitted {
         match *self {

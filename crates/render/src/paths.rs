@@ -25,73 +25,138 @@ pub struct Wanted {
     pub unscattered: Vec<bool>,
 }
 
-/// Follows one path from `origin` and returns the radiance that it brings back.
+/// Follows light back from `origin`: what the first surface mirrors and what it lets in, each
+/// with its share. `add` is told what either way found.
 pub fn radiance(
     scene: &Scene,
     channel: usize,
-    mut origin: Vec3,
-    mut direction: Vec3,
+    origin: Vec3,
+    direction: Vec3,
     wanted: &Wanted,
     rng: &mut Stream,
-) -> Found {
-    let mut depth = 0.0;
-    let mut order = 0;
-    // The order seen by the camera is that of the first solid in which anything happened.
-    let mut seen = 0;
-    let goes_on = wanted.scattered.contains(&true);
-    loop {
-        let entered = scene.enter(origin, direction);
-        let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
-        let lamps = if order > 0 {
-            &wanted.scattered
-        } else {
-            &wanted.unscattered
+    mut add: impl FnMut(Found),
+) {
+    let entered = scene.enter(origin, direction);
+    let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+    if let Some(value) = scene.lit(channel, origin, direction, within, &wanted.unscattered) {
+        return add(Found { value, order: 0 });
+    }
+    let Some((object, hit)) = entered else {
+        return;
+    };
+    let at = origin + hit.distance * direction;
+    let parting = part(direction, hit.normal, scene.eta(object, channel));
+    let mut path = Path {
+        scene,
+        channel,
+        wanted,
+        depth: 0.0,
+        order: 0,
+        seen: 0,
+    };
+    // Both ways, not one by chance: a lamp in a mirror of a few per cent would be all noise.
+    if parting.reflectance > 0.0 {
+        let mut found = path.clone().outside(at, parting.reflected, rng);
+        found.value *= parting.reflectance;
+        add(found);
+    }
+    if parting.reflectance < 1.0 {
+        let mut found = match path.inside(object, at, parting.refracted, rng) {
+            Some((origin, direction)) => path.outside(origin, direction, rng),
+            None => path.nothing(),
         };
-        if let Some(value) = scene.lit(channel, origin, direction, within, lamps) {
-            return Found {
-                value: value * f64::exp(-depth),
-                order: seen,
-            };
-        }
-        let nothing = Found {
+        found.value *= 1.0 - parting.reflectance;
+        add(found);
+    }
+}
+
+/// A path so far.
+#[derive(Clone)]
+struct Path<'a> {
+    scene: &'a Scene,
+    channel: usize,
+    wanted: &'a Wanted,
+    /// -ln of its weight.
+    depth: f64,
+    /// How often it scattered.
+    order: u32,
+    /// The order seen by the camera: that of the first solid in which anything happened.
+    seen: u32,
+}
+
+impl Path<'_> {
+    fn nothing(&self) -> Found {
+        Found {
             value: 0.0,
-            order: seen,
-        };
-        let Some((object, hit)) = entered else {
-            return nothing;
-        };
-        let object = &scene.objects[object];
-        let medium = &object.material.media[channel];
-        origin += hit.distance * direction;
-        let parting = part(direction, hit.normal, medium.eta);
-        if parting.reflectance >= 1.0 || uniform(rng) < parting.reflectance {
-            direction = parting.reflected;
-            continue;
+            order: self.seen,
         }
+    }
+
+    /// From a point outside of all solids to a lamp, or to nothing.
+    fn outside(mut self, mut origin: Vec3, mut direction: Vec3, rng: &mut Stream) -> Found {
+        loop {
+            let entered = self.scene.enter(origin, direction);
+            let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+            let lamps = if self.order > 0 {
+                &self.wanted.scattered
+            } else {
+                &self.wanted.unscattered
+            };
+            let lit = self
+                .scene
+                .lit(self.channel, origin, direction, within, lamps);
+            if let Some(value) = lit {
+                return Found {
+                    value: value * (-self.depth).exp(),
+                    order: self.seen,
+                };
+            }
+            let Some((object, hit)) = entered else {
+                return self.nothing();
+            };
+            origin += hit.distance * direction;
+            let parting = part(direction, hit.normal, self.scene.eta(object, self.channel));
+            if parting.reflectance >= 1.0 || uniform(rng) < parting.reflectance {
+                direction = parting.reflected;
+                continue;
+            }
+            match self.inside(object, origin, parting.refracted, rng) {
+                Some(out) => (origin, direction) = out,
+                None => return self.nothing(),
+            }
+        }
+    }
+
+    /// Through a solid, from just inside its surface to where it leaves, if it does.
+    fn inside(
+        &mut self,
+        object: usize,
+        at: Vec3,
+        direction: Vec3,
+        rng: &mut Stream,
+    ) -> Option<(Vec3, Vec3)> {
+        let object = &self.scene.objects[object];
         let mut photon = Photon {
-            at: origin,
-            direction: parting.refracted,
-            depth,
+            at,
+            direction,
+            depth: self.depth,
         };
+        let goes_on = self.wanted.scattered.contains(&true);
+        let order = &mut self.order;
+        let medium = &object.material.media[self.channel];
         let end = wander(&object.shape, medium, &mut photon, rng, &mut |_| {
-            order += 1;
+            *order += 1;
             if goes_on {
                 ControlFlow::Continue(())
             } else {
                 ControlFlow::Break(())
             }
         });
-        if seen == 0 {
-            seen = order;
+        if self.seen == 0 {
+            self.seen = self.order;
         }
-        match end {
-            End::Left(_) => {
-                origin = photon.at;
-                direction = photon.direction;
-                depth = photon.depth;
-            }
-            End::Stopped | End::Lost => return nothing,
-        }
+        self.depth = photon.depth;
+        matches!(end, End::Left(_)).then_some((photon.at, photon.direction))
     }
 }
 
@@ -121,9 +186,11 @@ pub(crate) fn round(
             let y = (pixel / width) as f64 + uniform(&mut rng);
             let (origin, direction) = scene.camera.ray(x, y);
             for channel in 0..scene.channels.len() {
-                let found = radiance(scene, channel, origin, direction, wanted, &mut rng);
-                let at = plane(channel, found.order) * pixels + pixel;
-                round[at] += found.value / f64::from(samples);
+                let add = |found: Found| {
+                    let at = plane(channel, found.order) * pixels + pixel;
+                    round[at] += found.value / f64::from(samples);
+                };
+                radiance(scene, channel, origin, direction, wanted, &mut rng, add);
             }
         }
     }

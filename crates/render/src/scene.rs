@@ -207,6 +207,11 @@ impl Scene {
         self.camera.size().iter().product()
     }
 
+    /// Index of refraction of a solid in a channel.
+    pub(crate) fn eta(&self, object: usize, channel: usize) -> f64 {
+        self.objects[object].material.media[channel].eta
+    }
+
     /// A ball around all solids that have an end.
     pub(crate) fn reach(&self) -> Reach {
         let bounds = self.objects.iter().filter_map(|o| o.shape.bounds());

@@ -64,6 +64,10 @@ pub struct Shaded<'a, S> {
 /// Mirrors that a ray of the camera may meet before it is given up.
 const MIRRORS: usize = 8;
 
+/// Rays of a pixel in a round that look for lamps and their mirror images. One of them is shaded,
+/// which costs more than all of them: the edges of mirror images are sharp and bright.
+const RAYS: u32 = 4;
+
 impl<'a, S: Shader> Shaded<'a, S> {
     /// Pictures of `scene` by `shader`.
     pub fn new(scene: &'a Scene, shader: S, seed: u64, components: bool) -> Self {
@@ -105,57 +109,66 @@ impl<S: Shader> Method for Shaded<'_, S> {
         let mut picture = vec![0.0; self.planes.len() * pixels];
         let all = vec![true; scene.lamps.len()];
         let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
+        let mut weight = vec![1.0; channels];
         for pixel in 0..pixels {
             let mut rng = stream(self.seed, &[4, index, pixel as u64]);
-            let x = (pixel % width) as f64 + uniform(&mut rng);
-            let y = (pixel / width) as f64 + uniform(&mut rng);
-            let (mut origin, mut direction) = scene.camera.ray(x, y);
-            // What the mirrors so far have left of the light, in each channel.
-            let mut weight = vec![1.0; channels];
-            let mut add = |channel: usize, order: u32, value: f64| {
-                picture[self.planes.of(channel, order) * pixels + pixel] += value;
-            };
-            for _ in 0..MIRRORS {
-                let entered = scene.enter(origin, direction);
-                let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
-                let lit = |channel| scene.lit(channel, origin, direction, within, &all);
-                if lit(0).is_some() {
-                    for (channel, weight) in weight.iter().enumerate() {
-                        add(channel, 0, weight * lit(channel).unwrap_or(0.0));
-                    }
-                    break;
-                }
-                let Some((object, hit)) = entered else {
-                    break;
+            for ray in 0..RAYS {
+                let x = (pixel % width) as f64 + uniform(&mut rng);
+                let y = (pixel / width) as f64 + uniform(&mut rng);
+                let (mut origin, mut direction) = scene.camera.ray(x, y);
+                // What the mirrors so far have left of the light, in each channel.
+                weight.fill(1.0);
+                let mut add = |channel: usize, order: u32, value: f64| {
+                    picture[self.planes.of(channel, order) * pixels + pixel] += value;
                 };
-                let at = origin + hit.distance * direction;
-                let mut point = Point::new(scene, object, at, &hit);
-                if point.normal.dot(direction) >= -1e-3 {
-                    // Shading may not show a point from behind.
-                    point.normal = point.true_normal;
+                for _ in 0..MIRRORS {
+                    let entered = scene.enter(origin, direction);
+                    let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+                    let lit = |channel| scene.lit(channel, origin, direction, within, &all);
+                    if lit(0).is_some() {
+                        for (channel, weight) in weight.iter().enumerate() {
+                            let radiance = weight * lit(channel).unwrap_or(0.0);
+                            add(channel, 0, radiance / f64::from(RAYS));
+                        }
+                        break;
+                    }
+                    let Some((object, hit)) = entered else {
+                        break;
+                    };
+                    let at = origin + hit.distance * direction;
+                    let mut point = Point::new(scene, object, at, &hit);
+                    if point.normal.dot(direction) >= -1e-3 {
+                        // Shading may not show a point from behind.
+                        point.normal = point.true_normal;
+                    }
+                    if ray == 0 {
+                        single.fill(0.0);
+                        diffuse.fill(0.0);
+                        self.shader.shade(
+                            scene,
+                            &point,
+                            -direction,
+                            &mut rng,
+                            &mut single,
+                            &mut diffuse,
+                        );
+                        for (channel, weight) in weight.iter().enumerate() {
+                            add(channel, 1, weight * single[channel]);
+                            add(channel, 2, weight * diffuse[channel]);
+                        }
+                    }
+                    let first = scene.eta(object, 0);
+                    let mirrored = part(direction, point.normal, first).reflected;
+                    for (channel, weight) in weight.iter_mut().enumerate() {
+                        let eta = scene.eta(object, channel);
+                        *weight *= part(direction, point.normal, eta).reflectance;
+                    }
+                    if mirrored.dot(point.true_normal) <= 0.0 {
+                        break;
+                    }
+                    origin = at;
+                    direction = mirrored;
                 }
-                single.fill(0.0);
-                diffuse.fill(0.0);
-                self.shader.shade(
-                    scene,
-                    &point,
-                    -direction,
-                    &mut rng,
-                    &mut single,
-                    &mut diffuse,
-                );
-                let media = &scene.objects[object].material.media;
-                let mirrored = part(direction, point.normal, media[0].eta).reflected;
-                for (channel, weight) in weight.iter_mut().enumerate() {
-                    add(channel, 1, *weight * single[channel]);
-                    add(channel, 2, *weight * diffuse[channel]);
-                    *weight *= part(direction, point.normal, media[channel].eta).reflectance;
-                }
-                if mirrored.dot(point.true_normal) <= 0.0 {
-                    break;
-                }
-                origin = at;
-                direction = mirrored;
             }
         }
         (picture, vec![])

@@ -5,7 +5,9 @@ use physics::{DiffuseFresnel, Dipole, Medium, fresnel};
 use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
 use render::camera::Lens;
 use render::surface::{Point, Shader};
-use render::{Camera, HalfSpace, Lamp, Light, Material, Object, Scene, Shape, Sphere, Vec3, View};
+use render::{
+    Camera, HalfSpace, Lamp, Light, Material, Mesh, Object, Scene, Shape, Sphere, Vec3, View,
+};
 use std::f64::consts::PI;
 
 fn marble() -> Medium {
@@ -25,6 +27,11 @@ fn dipole(medium: &Medium) -> (Dipole, Profile) {
         }
     });
     (dipole, profile)
+}
+
+/// Depth of the dipole's source: a transport length.
+fn depth(medium: &Medium) -> f64 {
+    1.0 / (medium.sigma_a + medium.reduced().sigma_s_prime)
 }
 
 fn scene(shape: Shape, media: Vec<Medium>, light: Light) -> Scene {
@@ -136,6 +143,7 @@ fn over_a_plane_the_bssrdf_integrates_to_the_total() {
         let diffusion = media.iter().map(|m| Diffusion {
             profile: dipole(m).1,
             share: 1.0,
+            source_depth_mm: depth(m),
         });
         let of_object = vec![diffusion.collect()];
         let shader = Bssrdf::new(&scene, of_object, Exit::Paper, false, sampling);
@@ -188,6 +196,7 @@ fn on_a_ball_all_samplers_agree() {
         let diffusion = Diffusion {
             profile: dipole(&medium).1,
             share: 1.0,
+            source_depth_mm: depth(&medium),
         };
         let shader = Bssrdf::new(&scene, vec![vec![diffusion]], Exit::Paper, false, sampling);
         let (mean, u) = shaded(&scene, &shader, &point, n, 6)[0];
@@ -202,5 +211,79 @@ fn on_a_ball_all_samplers_agree() {
         let u = u.hypot(found[0].1);
         assert!((mean - found[0].0).abs() < 4.0 * u, "{found:?}");
         assert!(u < 5e-3 * mean, "{found:?}");
+    }
+}
+
+/// A ball of triangles, its poles on the z axis.
+fn faceted(radius: f64) -> Mesh {
+    let (rings, sides) = (24_u32, 48_u32);
+    let mut vertices = vec![];
+    for ring in 0..=rings {
+        let (sin, cos) = (PI * f64::from(ring) / f64::from(rings)).sin_cos();
+        for side in 0..sides {
+            let (y, x) = (2.0 * PI * f64::from(side) / f64::from(sides)).sin_cos();
+            vertices.push(radius * Vec3::new(sin * x, sin * y, cos));
+        }
+    }
+    let mut triangles = vec![];
+    for ring in 0..rings {
+        for side in 0..sides {
+            let at = |r: u32, s: u32| (ring + r) * sides + (side + s) % sides;
+            triangles.push([at(0, 0), at(1, 0), at(1, 1)]);
+            triangles.push([at(0, 0), at(1, 1), at(0, 1)]);
+        }
+    }
+    Mesh::new(vertices, triangles, vec![], vec![]).expect("a mesh")
+}
+
+/// A mesh lit from one side, seen where its shadow begins: with R_d that has no bound near the
+/// source, too, drawing by distance and light finds what drawing evenly does.
+#[test]
+fn on_a_mesh_in_half_shadow_the_samplers_agree() {
+    let medium = Medium {
+        sigma_a: 0.05,
+        sigma_s: 0.6,
+        ..marble()
+    };
+    let light = Light::Distant {
+        direction: Vec3::NEG_X,
+        radius: 0.0,
+    };
+    let scene = scene(Shape::Mesh(Box::new(faceted(4.0))), vec![medium], light);
+    let at = Vec3::new(-0.6, 0.2, 8.0);
+    let (object, hit) = scene.enter(at, Vec3::NEG_Z).expect("a hit");
+    let point = Point {
+        object,
+        at: at + hit.distance * Vec3::NEG_Z,
+        true_normal: hit.normal,
+        normal: hit.normal,
+    };
+    let steep = Profile::new(&medium, |radii, out| {
+        for (r, value) in radii.iter().zip(out) {
+            *value = (-r).exp() / r;
+        }
+    });
+    for (profile, source_depth_mm) in [(dipole(&medium).1, depth(&medium)), (steep, 0.0)] {
+        let found: Vec<(f64, f64)> = [(Sampling::Axes, 150_000), (Sampling::Area, 600_000)]
+            .into_iter()
+            .map(|(sampling, n)| {
+                let diffusion = Diffusion {
+                    profile: profile.clone(),
+                    share: 1.0,
+                    source_depth_mm,
+                };
+                let shader =
+                    Bssrdf::new(&scene, vec![vec![diffusion]], Exit::Paper, false, sampling);
+                let (mean, u) = shaded(&scene, &shader, &point, n, 7)[0];
+                println!(
+                    "{sampling:?}: {mean:.6} +- {u:.6}, variance a draw {:.4}",
+                    (u / mean).powi(2) * f64::from(n)
+                );
+                (mean, u)
+            })
+            .collect();
+        let u = found[0].1.hypot(found[1].1);
+        assert!((found[1].0 - found[0].0).abs() < 4.0 * u, "{found:?}");
+        assert!(u < 8e-3 * found[0].0, "{found:?}");
     }
 }

@@ -111,9 +111,12 @@ fn five_half_spaces_reflect_what_adding_doubling_says() {
             for _ in 0..paths {
                 let cos = if even { uniform(&mut rng).sqrt() } else { 1.0 };
                 let down = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos);
-                let found = radiance(&scene, 0, Vec3::Z, down, &wanted, &mut rng);
-                sum += found.value;
-                square += found.value * found.value;
+                let mut value = 0.0;
+                radiance(&scene, 0, Vec3::Z, down, &wanted, &mut rng, |found| {
+                    value += found.value;
+                });
+                sum += value;
+                square += value * value;
             }
             let n = paths as f64;
             let mean = sum / n;

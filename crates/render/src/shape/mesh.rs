@@ -332,6 +332,40 @@ impl Mesh {
         wanted: impl Fn(f64) -> bool,
     ) -> Option<Hit> {
         let mut best: Option<(f64, usize)> = None;
+        self.traverse(origin, direction, within, wanted, |distance, index| {
+            if distance < -slack
+                || distance > within
+                || best.is_some_and(|(before, _)| distance >= before)
+            {
+                return f32::INFINITY;
+            }
+            best = Some((distance, index));
+            // Up, so that the tree drops nothing that is as near.
+            (distance.max(0.0) * (1.0 + 1e-6) + 1e-6) as f32
+        });
+        best.map(|(distance, index)| self.hit(distance, index))
+    }
+
+    fn hit(&self, distance: f64, leaf: usize) -> Hit {
+        let leaf = &self.leaves[leaf];
+        Hit {
+            distance: distance.max(0.0),
+            normal: leaf.edges[0].cross(leaf.edges[1]).normalize(),
+            face: leaf.triangle as usize,
+        }
+    }
+
+    /// Shows `visit` the triangles that a ray meets and whose normal times the direction is
+    /// `wanted`: distance and leaf. It returns how far the rest is to be looked for.
+    #[inline]
+    fn traverse(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        within: f64,
+        wanted: impl Fn(f64) -> bool,
+        mut visit: impl FnMut(f64, usize) -> f32,
+    ) {
         let most = (within * (1.0 + 1e-6) + 1e-6) as f32;
         let ray = Ray::new(origin.as_vec3a(), direction.as_vec3a(), 0.0, most);
         let mut seen = RayHit::none();
@@ -341,7 +375,6 @@ impl Mesh {
             // Möller and Trumbore (1997), in double precision.
             let p = direction.cross(v);
             let determinant = u.dot(p);
-            // Positive where the ray comes from outside.
             if determinant == 0.0 || !wanted(-determinant) {
                 return f32::INFINITY;
             }
@@ -355,25 +388,23 @@ impl Mesh {
             if b < -1e-12 || a + b > 1.0 + 1e-12 {
                 return f32::INFINITY;
             }
-            let distance = v.dot(q) / determinant;
-            if distance < -slack
-                || distance > within
-                || best.is_some_and(|(before, _)| distance >= before)
-            {
-                return f32::INFINITY;
-            }
-            best = Some((distance, index));
-            // Up, so that the tree drops nothing that is as near.
-            (distance.max(0.0) * (1.0 + 1e-6) + 1e-6) as f32
+            visit(v.dot(q) / determinant, index)
         });
-        best.map(|(distance, index)| {
-            let leaf = &self.leaves[index];
-            Hit {
-                distance: distance.max(0.0),
-                normal: leaf.edges[0].cross(leaf.edges[1]).normalize(),
-                face: leaf.triangle as usize,
-            }
-        })
+    }
+
+    /// Every point in which a line crosses the surface, in no order.
+    pub(crate) fn crossings(&self, through: Vec3, axis: Vec3) -> Vec<(Vec3, Hit)> {
+        let (low, high) = self.bounds;
+        let back = (through - 0.5 * (low + high)).length() + (high - low).length();
+        let origin = through - back * axis;
+        let mut found = vec![];
+        let any = |_| true;
+        self.traverse(origin, axis, f64::INFINITY, any, |distance, index| {
+            let hit = self.hit(distance, index);
+            found.push((origin + distance * axis, hit));
+            f32::INFINITY
+        });
+        found
     }
 
     fn slack(&self) -> f64 {
