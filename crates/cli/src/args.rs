@@ -3,8 +3,8 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pipeline::rendering::{BssrdfModel, MethodChoice, RenderOptions};
 use pipeline::{Error, Kind};
-use render::Kind as BrdfKind;
 use render::bssrdf::Sampling;
+use render::{Gather, Kind as BrdfKind};
 use std::path::PathBuf;
 
 /// Recovers the absorption and reduced scattering coefficients of translucent materials from
@@ -337,7 +337,7 @@ pub(crate) struct RenderArgs {
     /// How: volume transport, or a model of the surface.
     #[arg(long, value_enum, default_value_t = MethodArg::MonteCarlo, value_name = "METHOD")]
     pub(crate) method: MethodArg,
-    /// BSSRDF of `--method bssrdf`: jensen2001 (the paper's, misprints mended), corrected (the
+    /// BSSRDF of `--method bssrdf` and `point-cloud`: jensen2001 (the paper's, misprints mended), corrected (the
     /// same with its energy balanced), better-dipole, directional, monte-carlo (R_d of the
     /// transport equation).
     #[arg(long, default_value = "jensen2001", value_name = "MODEL")]
@@ -349,6 +349,13 @@ pub(crate) struct RenderArgs {
     /// evenly.
     #[arg(long, value_enum, default_value_t = SamplingArg::Axes, value_name = "WAY")]
     pub(crate) sampling: SamplingArg,
+    /// How `--method point-cloud` gathers light: the BSSRDF over an octree (Jensen and Buhler
+    /// 2002), or a smooth bell over the points within the scatter radius (Marengo 2005).
+    #[arg(long, value_enum, default_value_t = CloudArg::Hierarchy, value_name = "WAY")]
+    pub(crate) cloud: CloudArg,
+    /// Scatter radius of `--cloud smoothstep`, mm; when left out, that of the BSSRDF's mean distance.
+    #[arg(long, value_name = "MM")]
+    pub(crate) scatter_radius: Option<f64>,
     #[command(flatten)]
     pub(crate) effort: EffortArgs,
     /// Tell light apart that scattered once, more often, and never (layers single.R and so on).
@@ -430,6 +437,16 @@ pub(crate) enum MethodArg {
     Brdf,
     /// Diffusion over the surface, and single scattering.
     Bssrdf,
+    /// The same, its diffusion gathered from points over the surface.
+    PointCloud,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CloudArg {
+    /// The BSSRDF, far points together in nodes of an octree.
+    Hierarchy,
+    /// A smooth bell within the scatter radius.
+    Smoothstep,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -451,6 +468,19 @@ pub(crate) enum SamplingArg {
 }
 
 impl RenderArgs {
+    fn model(&self) -> Result<BssrdfModel, Error> {
+        let all = BssrdfModel::ALL;
+        let found = all.iter().find(|(name, _)| *name == self.bssrdf);
+        found.map(|(_, model)| *model).ok_or_else(|| {
+            let names = all.map(|(name, _)| name).join(", ");
+            let message = format!(
+                "--bssrdf: no model is called `{}`; there are {names}",
+                self.bssrdf
+            );
+            Error::new(Kind::Usage, message)
+        })
+    }
+
     /// What was typed, checked.
     pub(crate) fn options(&self) -> Result<RenderOptions, Error> {
         let bad = |message: String| Err(Error::new(Kind::Usage, message));
@@ -465,18 +495,17 @@ impl RenderArgs {
                 BrdfArg::Lambert => BrdfKind::Lambert,
                 BrdfArg::Jensen => BrdfKind::Jensen,
             }),
-            MethodArg::Bssrdf => {
-                let found = BssrdfModel::ALL
-                    .iter()
-                    .find(|(name, _)| *name == self.bssrdf);
-                let Some((_, model)) = found else {
-                    let names = BssrdfModel::ALL.map(|(name, _)| name).join(", ");
-                    return bad(format!(
-                        "--bssrdf: no model is called `{}`; there are {names}",
-                        self.bssrdf
-                    ));
+            MethodArg::Bssrdf => MethodChoice::Bssrdf(self.model()?, sampling),
+            MethodArg::PointCloud => {
+                let radius = self.scatter_radius;
+                if radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
+                    return bad("--scatter-radius: expected a number above 0".to_owned());
+                }
+                let gather = match self.cloud {
+                    CloudArg::Hierarchy => Gather::HIERARCHY,
+                    CloudArg::Smoothstep => Gather::Smoothstep { radius },
                 };
-                MethodChoice::Bssrdf(*model, sampling)
+                MethodChoice::PointCloud(self.model()?, gather)
             }
         };
         if self.exposure.is_some_and(|e| !(e > 0.0 && e.is_finite())) {

@@ -53,6 +53,18 @@ fn one_run_or_several_on_any_number_of_threads_the_same_bytes() {
         let bytes = |name: &str| fs::read(path.join(format!("{name}.{ending}"))).unwrap();
         assert!(bytes("a") == bytes("b"), "{ending}");
     }
+    for cloud in ["hierarchy", "smoothstep"] {
+        let bytes = |name: &str, threads: &str| {
+            let more = ["--method", "point-cloud", "--cloud", cloud];
+            run(
+                name,
+                &[&more[..], &["--rounds", "3", "--threads", threads]].concat(),
+            );
+            fs::read(path.join(name)).unwrap()
+        };
+        let (one, three) = (format!("{cloud}1.exr"), format!("{cloud}3.exr"));
+        assert!(bytes(&one, "1") == bytes(&three, "3"), "{cloud}");
+    }
     // A state of another scene, or a damaged one, is not gone on with.
     let other = SCENE.replace("= 1.4", "= 1.5");
     fs::write(path.join("scene.toml"), other).unwrap();
@@ -78,6 +90,8 @@ fn every_method_makes_a_picture_with_its_components() {
         ("j", &["--method", "bssrdf"]),
         ("c", &["--method", "bssrdf", "--bssrdf", "corrected"]),
         ("t", &["--method", "bssrdf", "--bssrdf", "monte-carlo"]),
+        ("h", &["--method", "point-cloud"]),
+        ("s", &["--method", "point-cloud", "--cloud", "smoothstep"]),
         ("b", &["--method", "brdf"]),
         ("l", &["--method", "brdf", "--brdf", "lambert"]),
     ] {
@@ -279,14 +293,18 @@ fn bad_scenes_are_answered() {
     assert!(error.contains("not closed"), "{error}");
     for (more, said) in [
         (
-            ["--bssrdf", "dipol", "--method", "bssrdf"],
+            &["--bssrdf", "dipol", "--method", "bssrdf"][..],
             "there are jensen2001",
         ),
-        (["--until-error", "0", "--rounds", "1"], "above 0"),
-        (["--rounds", "0", "--seed", "1"], "at least one"),
-        (["--exposure", "0", "--seed", "1"], "above 0"),
+        (&["--until-error", "0", "--rounds", "1"], "above 0"),
+        (&["--rounds", "0", "--seed", "1"], "at least one"),
+        (&["--exposure", "0", "--seed", "1"], "above 0"),
+        (
+            &["--method", "point-cloud", "--scatter-radius=-1"],
+            "--scatter-radius",
+        ),
     ] {
-        let arguments = [&["render", "scene.toml", "-o", "y.exr"][..], &more].concat();
+        let arguments = [&["render", "scene.toml", "-o", "y.exr"][..], more].concat();
         let (code, _, error) = call(path, &arguments);
         assert_eq!(code, Some(2), "{said}: {error}");
         assert!(error.contains(said), "{said}: {error}");

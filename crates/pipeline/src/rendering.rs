@@ -19,7 +19,9 @@ use physics::{
     LayeredMedium, Medium, ObliqueBeam, Phase, fresnel,
 };
 use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
-use render::{Brdf, Kind as BrdfKind, Method, MonteCarlo, Options, Picture, Scene, Shaded};
+use render::{
+    Brdf, Gather, Kind as BrdfKind, Method, MonteCarlo, Options, Picture, PointCloud, Scene, Shaded,
+};
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
@@ -45,7 +47,7 @@ pub struct RenderOptions {
 }
 
 /// Which method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MethodChoice {
     /// Volume transport.
     MonteCarlo,
@@ -53,6 +55,8 @@ pub enum MethodChoice {
     Brdf(BrdfKind),
     /// A BSSRDF.
     Bssrdf(BssrdfModel, Sampling),
+    /// The diffusion of a BSSRDF gathered from points over the surface.
+    PointCloud(BssrdfModel, Gather),
 }
 
 /// Which BSSRDF.
@@ -79,6 +83,12 @@ impl BssrdfModel {
         ("directional", Self::Directional),
         ("monte-carlo", Self::MonteCarlo),
     ];
+
+    /// Its name.
+    pub(crate) fn name(self) -> &'static str {
+        let found = Self::ALL.iter().find(|(_, model)| *model == self);
+        found.map_or("", |(name, _)| name)
+    }
 
     fn exit(self) -> Exit {
         match self {
@@ -238,6 +248,12 @@ fn method<'a>(loaded: &'a Loaded, options: &RenderOptions) -> Result<Box<dyn Met
             let shader = bssrdf(scene, model, sampling);
             let shader = shader.map_err(|e| e.within(loaded.path.display()))?;
             Box::new(Shaded::new(scene, shader, seed, components))
+        }
+        MethodChoice::PointCloud(model, gather) => {
+            let shader = bssrdf(scene, model, Sampling::Axes);
+            let shader = shader.map_err(|e| e.within(loaded.path.display()))?;
+            let cloud = PointCloud::new(scene, shader, gather, seed, components);
+            Box::new(cloud.input(loaded.path.display())?)
         }
     })
 }

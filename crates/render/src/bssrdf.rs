@@ -107,6 +107,21 @@ impl Profile {
         self.total
     }
 
+    /// First and last radius of the table, mm: R_d is the same below, and 0 beyond.
+    pub(crate) fn range(&self) -> (f64, f64) {
+        let last = self.start + (RADII - 1) as f64 * self.step;
+        (self.start.exp(), last.exp())
+    }
+
+    /// Mean distance between where light enters and where it leaves, mm.
+    pub fn mean_distance(&self) -> f64 {
+        let first = 2.0 / 3.0 * self.start.exp() * self.within[0];
+        // The middle of a piece, which is short, stands for it.
+        let pieces = self.within.windows(2).enumerate();
+        let middle = |k: usize| (self.start + (k as f64 + 0.5) * self.step).exp();
+        first + pieces.map(|(k, w)| middle(k) * (w[1] - w[0])).sum::<f64>()
+    }
+
     /// A radius whose density is R_d 2πr over the total.
     fn draw(&self, xi: f64) -> f64 {
         let k = self.within.partition_point(|share| *share <= xi);
@@ -159,6 +174,18 @@ pub struct Diffusion {
     /// How far below the surface the light is thought to come from, mm: the distance to there
     /// counts on curved surfaces. 0 for a profile that has no such source.
     pub source_depth_mm: f64,
+}
+
+impl Diffusion {
+    /// Square of the distance at which R_d of a plane is taken between where light enters and a
+    /// point whose offset from there has the square `square` and the part `along` the normal.
+    ///
+    /// The real source is a transport length below where light enters; it is never nearer than
+    /// that, as the paper has it for curved surfaces. On a plane this is the distance along it.
+    #[inline]
+    pub(crate) fn square_of_distance(&self, square: f64, along: f64) -> f64 {
+        (square + 2.0 * self.source_depth_mm * along).max(0.0)
+    }
 }
 
 /// The BSSRDF of all solids of a scene.
@@ -447,21 +474,43 @@ impl Bssrdf {
     /// Diffuse radiance at `to` for each unit of power that enters at `from`, over π times the
     /// factor of exit, mm⁻².
     fn spread(diffusion: &Diffusion, from: &Point, to: &Point) -> f64 {
-        // The real source is a transport length below `from`; it is never nearer than that, as
-        // the paper has it for curved surfaces. On a plane this is the distance along it.
         let offset = to.at - from.at;
-        let deeper = 2.0 * diffusion.source_depth_mm * offset.dot(from.true_normal);
-        let square = offset.length_squared() + deeper;
-        diffusion.share * diffusion.profile.value(square.max(0.0).sqrt())
+        let square =
+            diffusion.square_of_distance(offset.length_squared(), offset.dot(from.true_normal));
+        diffusion.share * diffusion.profile.value(square.sqrt())
+    }
+
+    /// The diffusion of a solid, by channel.
+    pub(crate) fn of_object(&self, object: usize) -> &[Diffusion] {
+        &self.of_object[object]
+    }
+
+    /// Radiance toward a cosine for each unit of exitance.
+    pub(crate) fn leaves(&self, object: usize, channel: usize, eta: f64, cos_out: f64) -> f64 {
+        fresnel::entry_factor(eta, cos_out) * self.leaving[object][channel]
+    }
+
+    /// Light that scattered once, if it is not in the diffusion already.
+    pub(crate) fn single(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        rng: &mut Stream,
+        out: &mut [f64],
+    ) {
+        if self.single {
+            self.once(scene, point, view, rng, out);
+        }
     }
 
     fn diffuse(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
         let media = &scene.objects[point.object].material.media;
         let models = &self.of_object[point.object];
         let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
-        let leaves = media.iter().zip(&self.leaving[point.object]);
+        let leaves = media.iter().enumerate();
         let leaves: Vec<f64> = leaves
-            .map(|(medium, leaving)| fresnel::entry_factor(medium.eta, cos_out) * leaving)
+            .map(|(channel, medium)| self.leaves(point.object, channel, medium.eta, cos_out))
             .collect();
         let mut add = |index: usize, from: &Point, spread: &[f64], toward: Vec3, power: f64| {
             let cos_in = toward.dot(from.normal).clamp(0.0, 1.0);
@@ -630,9 +679,7 @@ impl Shader for Bssrdf {
         diffuse: &mut [f64],
     ) {
         self.diffuse(scene, point, view, rng, diffuse);
-        if self.single {
-            self.once(scene, point, view, rng, single);
-        }
+        self.single(scene, point, view, rng, single);
     }
 }
 

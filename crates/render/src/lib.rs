@@ -19,6 +19,7 @@
 //! | [`surface`] | models of the surface: what comes out of a solid at a point |
 //! | [`brdf`] | the method `brdf` |
 //! | [`bssrdf`] | the method `bssrdf` |
+//! | [`point_cloud`] | the method `point-cloud` |
 //! | [`film`] | pictures with a standard error in every pixel |
 
 pub mod boundary;
@@ -31,6 +32,7 @@ pub mod method;
 pub mod monte_carlo;
 pub mod paths;
 pub mod photons;
+pub mod point_cloud;
 pub mod scene;
 pub mod shape;
 pub mod surface;
@@ -44,6 +46,7 @@ pub use light::{Light, Spot};
 pub use method::{Method, Picture};
 pub use monte_carlo::{MonteCarlo, Options};
 pub use photons::{Entry, Ledger, Rings};
+pub use point_cloud::{Gather, PointCloud};
 pub use scene::{Lamp, Material, Object, Scene, SceneError};
 pub use shape::{Block, HalfSpace, Mesh, MeshError, Shape, Sphere};
 pub use surface::Shaded;

@@ -103,6 +103,14 @@ impl Light {
         matches!(self, Self::Beam { .. })
     }
 
+    /// The cross-section of a beam.
+    pub(crate) fn spot(&self) -> Option<Spot> {
+        match *self {
+            Self::Beam { spot, .. } => Some(spot),
+            _ => None,
+        }
+    }
+
     /// A ray toward what lies within `reach`.
     pub(crate) fn emit(&self, reach: Reach, rng: &mut Stream) -> Emitted {
         match *self {

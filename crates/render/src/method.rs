@@ -19,6 +19,16 @@ pub struct Picture {
     pub powers: Film,
 }
 
+impl Picture {
+    /// No light yet, and none of it followed from its lamp.
+    pub(crate) fn empty(planes: Planes, scene: &Scene) -> Self {
+        Self {
+            radiance: Film::new(planes.len() * scene.pixels()),
+            powers: Film::new(0),
+        }
+    }
+}
+
 /// Planes of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Planes {

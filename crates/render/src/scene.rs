@@ -113,6 +113,11 @@ pub enum SceneError {
         "monte-carlo: light {0} falls on a half-space everywhere; use a beam, or a block of finite size"
     )]
     Unbounded(usize),
+    /// Points would have to cover a surface without end.
+    #[error(
+        "point-cloud: no number of points covers {0}, a half-space; use a block of finite size, or light it by beams alone"
+    )]
+    Coverless(String),
 }
 
 impl Scene {

@@ -1,4 +1,4 @@
-//! Pictures from models of the surface: what is common to `brdf` and `bssrdf`.
+//! Pictures from models of the surface: what is common to `brdf`, `bssrdf` and `point-cloud`.
 //!
 //! A ray of the camera meets the first solid. What the smooth surface mirrors is followed on;
 //! what comes out of the solid is for the model to say. Light goes from the lamp to the solid
@@ -6,7 +6,6 @@
 
 use crate::Vec3;
 use crate::boundary::part;
-use crate::film::Film;
 use crate::light::Incident;
 use crate::method::{Method, Picture, Planes};
 use crate::scene::Scene;
@@ -95,84 +94,92 @@ impl<S: Shader> Method for Shaded<'_, S> {
     }
 
     fn empty(&self) -> Picture {
-        Picture {
-            radiance: Film::new(self.planes.len() * self.scene.pixels()),
-            powers: Film::new(0),
-        }
+        Picture::empty(self.planes, self.scene)
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let scene = self.scene;
-        let pixels = scene.pixels();
-        let [width, _] = scene.camera.size();
-        let channels = scene.channels.len();
-        let mut picture = vec![0.0; self.planes.len() * pixels];
-        let all = vec![true; scene.lamps.len()];
-        let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
-        let mut weight = vec![1.0; channels];
-        for pixel in 0..pixels {
-            let mut rng = stream(self.seed, &[4, index, pixel as u64]);
-            for ray in 0..RAYS {
-                let x = (pixel % width) as f64 + uniform(&mut rng);
-                let y = (pixel / width) as f64 + uniform(&mut rng);
-                let (mut origin, mut direction) = scene.camera.ray(x, y);
-                // What the mirrors so far have left of the light, in each channel.
-                weight.fill(1.0);
-                let mut add = |channel: usize, order: u32, value: f64| {
-                    picture[self.planes.of(channel, order) * pixels + pixel] += value;
-                };
-                for _ in 0..MIRRORS {
-                    let entered = scene.enter(origin, direction);
-                    let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
-                    let lit = |channel| scene.lit(channel, origin, direction, within, &all);
-                    if lit(0).is_some() {
-                        for (channel, weight) in weight.iter().enumerate() {
-                            let radiance = weight * lit(channel).unwrap_or(0.0);
-                            add(channel, 0, radiance / f64::from(RAYS));
-                        }
-                        break;
+        let radiance = picture(self.scene, &self.shader, self.seed, self.planes, index);
+        (radiance, vec![])
+    }
+}
+
+/// The round `index` of a picture, in each plane.
+pub(crate) fn picture(
+    scene: &Scene,
+    shader: &impl Shader,
+    seed: u64,
+    planes: Planes,
+    index: u64,
+) -> Vec<f64> {
+    let pixels = scene.pixels();
+    let [width, _] = scene.camera.size();
+    let channels = scene.channels.len();
+    let mut picture = vec![0.0; planes.len() * pixels];
+    let all = vec![true; scene.lamps.len()];
+    let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
+    let mut weight = vec![1.0; channels];
+    for pixel in 0..pixels {
+        let mut rng = stream(seed, &[4, index, pixel as u64]);
+        for ray in 0..RAYS {
+            let x = (pixel % width) as f64 + uniform(&mut rng);
+            let y = (pixel / width) as f64 + uniform(&mut rng);
+            let (mut origin, mut direction) = scene.camera.ray(x, y);
+            // What the mirrors so far have left of the light, in each channel.
+            weight.fill(1.0);
+            let mut add = |channel: usize, order: u32, value: f64| {
+                picture[planes.of(channel, order) * pixels + pixel] += value;
+            };
+            for _ in 0..MIRRORS {
+                let entered = scene.enter(origin, direction);
+                let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+                let lit = |channel| scene.lit(channel, origin, direction, within, &all);
+                if lit(0).is_some() {
+                    for (channel, weight) in weight.iter().enumerate() {
+                        let radiance = weight * lit(channel).unwrap_or(0.0);
+                        add(channel, 0, radiance / f64::from(RAYS));
                     }
-                    let Some((object, hit)) = entered else {
-                        break;
-                    };
-                    let at = origin + hit.distance * direction;
-                    let mut point = Point::new(scene, object, at, &hit);
-                    if point.normal.dot(direction) >= -1e-3 {
-                        // Shading may not show a point from behind.
-                        point.normal = point.true_normal;
-                    }
-                    if ray == 0 {
-                        single.fill(0.0);
-                        diffuse.fill(0.0);
-                        self.shader.shade(
-                            scene,
-                            &point,
-                            -direction,
-                            &mut rng,
-                            &mut single,
-                            &mut diffuse,
-                        );
-                        for (channel, weight) in weight.iter().enumerate() {
-                            add(channel, 1, weight * single[channel]);
-                            add(channel, 2, weight * diffuse[channel]);
-                        }
-                    }
-                    let first = scene.eta(object, 0);
-                    let mirrored = part(direction, point.normal, first).reflected;
-                    for (channel, weight) in weight.iter_mut().enumerate() {
-                        let eta = scene.eta(object, channel);
-                        *weight *= part(direction, point.normal, eta).reflectance;
-                    }
-                    if mirrored.dot(point.true_normal) <= 0.0 {
-                        break;
-                    }
-                    origin = at;
-                    direction = mirrored;
+                    break;
                 }
+                let Some((object, hit)) = entered else {
+                    break;
+                };
+                let at = origin + hit.distance * direction;
+                let mut point = Point::new(scene, object, at, &hit);
+                if point.normal.dot(direction) >= -1e-3 {
+                    // Shading may not show a point from behind.
+                    point.normal = point.true_normal;
+                }
+                if ray == 0 {
+                    single.fill(0.0);
+                    diffuse.fill(0.0);
+                    shader.shade(
+                        scene,
+                        &point,
+                        -direction,
+                        &mut rng,
+                        &mut single,
+                        &mut diffuse,
+                    );
+                    for (channel, weight) in weight.iter().enumerate() {
+                        add(channel, 1, weight * single[channel]);
+                        add(channel, 2, weight * diffuse[channel]);
+                    }
+                }
+                let first = scene.eta(object, 0);
+                let mirrored = part(direction, point.normal, first).reflected;
+                for (channel, weight) in weight.iter_mut().enumerate() {
+                    let eta = scene.eta(object, channel);
+                    *weight *= part(direction, point.normal, eta).reflectance;
+                }
+                if mirrored.dot(point.true_normal) <= 0.0 {
+                    break;
+                }
+                origin = at;
+                direction = mirrored;
             }
         }
-        (picture, vec![])
     }
+    picture
 }
 
 /// Light of a lamp at a point of a surface, if nothing is in the way and it comes from outside.

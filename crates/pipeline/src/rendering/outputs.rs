@@ -7,7 +7,7 @@ use crate::fit_json::SCHEMA_VERSION;
 use formats::{RadianceFile, encode_png, write_radiance};
 use physics::{ChannelMap, Frame, RadianceMap, Samples};
 use render::method::COMPONENTS;
-use render::{Entry, Film, Ledger, Picture};
+use render::{Entry, Film, Gather, Ledger, Picture};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -239,10 +239,13 @@ fn name(method: MethodChoice) -> String {
     match method {
         MethodChoice::MonteCarlo => "monte-carlo".to_owned(),
         MethodChoice::Brdf(kind) => format!("brdf {kind:?}").to_lowercase(),
-        MethodChoice::Bssrdf(model, _) => {
-            let all = super::BssrdfModel::ALL;
-            let found = all.iter().find(|(_, m)| *m == model);
-            format!("bssrdf {}", found.map_or("", |(name, _)| name))
+        MethodChoice::Bssrdf(model, _) => format!("bssrdf {}", model.name()),
+        MethodChoice::PointCloud(model, gather) => {
+            let gather = match gather {
+                Gather::Hierarchy { .. } => "hierarchy",
+                Gather::Smoothstep { .. } => "smoothstep",
+            };
+            format!("point-cloud {gather} {}", model.name())
         }
     }
 }

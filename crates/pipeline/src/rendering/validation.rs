@@ -8,8 +8,8 @@ use crate::files::Outputs;
 use crate::monitor::Monitor;
 use formats::{encode_png, write_radiance};
 use physics::RadianceMap;
-use render::Kind as BrdfKind;
 use render::bssrdf::Sampling;
+use render::{Gather, Kind as BrdfKind};
 use report::{ValidationPage, ValidationRow, significant, validation_html};
 use serde::Serialize;
 use std::io::Write;
@@ -44,6 +44,13 @@ fn methods() -> Vec<(String, MethodChoice)> {
     for (name, model) in BssrdfModel::ALL {
         let choice = MethodChoice::Bssrdf(model, Sampling::Axes);
         all.push((format!("bssrdf-{name}"), choice));
+    }
+    for (name, gather) in [
+        ("hierarchy", Gather::HIERARCHY),
+        ("smoothstep", Gather::Smoothstep { radius: None }),
+    ] {
+        let choice = MethodChoice::PointCloud(BssrdfModel::Jensen2001, gather);
+        all.push((format!("point-cloud-{name}"), choice));
     }
     for (name, kind) in [("jensen", BrdfKind::Jensen), ("lambert", BrdfKind::Lambert)] {
         all.push((format!("brdf-{name}"), MethodChoice::Brdf(kind)));

@@ -1,0 +1,414 @@
+//! The method `point-cloud`: light that enters is gathered once, at points evenly over the
+//! surface, and every pixel then looks at the same points.
+//!
+//! Each round draws points of its own, so that the mean over rounds has no bias but that of the
+//! gathering, and its spread is its error.
+
+mod samples;
+mod tree;
+
+use crate::Vec3;
+use crate::bssrdf::{Bssrdf, Diffusion};
+use crate::method::{Method, Picture, Planes};
+use crate::scene::{Scene, SceneError};
+use crate::surface::{Point, Shader, arrives, picture};
+use physics::fresnel;
+use physics::random::{Stream, stream};
+use samples::Surface;
+use std::f64::consts::PI;
+use tree::{Lit, Tree};
+
+/// How a pixel gathers light from the points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Gather {
+    /// Jensen and Buhler (2002): the BSSRDF from every point, far ones together in the nodes of
+    /// an octree.
+    Hierarchy {
+        /// Solid angle, sr, which the surface of a node has to stay below to stand for its
+        /// points. 0 looks at every point.
+        solid_angle: f64,
+    },
+    /// Marengo (2005), of *Finding Nemo*: a smooth bell over the points within a scatter radius,
+    /// gathered at every point of the cloud and interpolated between the nearest of them.
+    Smoothstep {
+        /// The scatter radius, mm. If left out, that at which the mean distance of the light is
+        /// the BSSRDF's own, in each channel.
+        radius: Option<f64>,
+    },
+}
+
+impl Gather {
+    /// The hierarchy with a solid angle at which it is within 0.5 % of all points one by one.
+    pub const HIERARCHY: Self = Self::Hierarchy { solid_angle: 0.009 };
+}
+
+/// Side of the square that a point stands for, over the transport mean free path of the densest
+/// channel. Jensen and Buhler ask for points not farther apart than the path; below it the bell of
+/// R_d, which is as wide as the path, is met by several.
+const SPACING: f64 = 0.6;
+/// The same over the scatter radius: light under the bell is then within 0.5 % at every point.
+const SPACING_OF_RADIUS: f64 = 0.045;
+/// Most points of one solid, whatever the spacing asks for; and fewest.
+const MOST: f64 = 1e6;
+const LEAST: f64 = 1e3;
+/// Rays of a beam in one round.
+const RAYS: usize = 256;
+/// Points between which the smooth bell is interpolated.
+const NEAREST: usize = 16;
+
+/// 1 − smoothstep over its integral over the plane: how much of the light that enters at a
+/// distance leaves here, mm⁻², when it dies out at `radius` mm.
+///
+/// # Source
+///
+/// *Subsurface Scattering Explained*, after Marengo (2005): the integral of the bell is 3πD²/10.
+pub fn bell(radius: f64, distance: f64) -> f64 {
+    let t = (distance / radius).min(1.0);
+    (1.0 - t * t * (3.0 - 2.0 * t)) / (0.3 * PI * radius * radius)
+}
+
+/// Mean distance under [`bell`] over its radius: ∫ r (1 − smoothstep) 2πr dr = 2πD³/15.
+const MEAN_DISTANCE: f64 = 4.0 / 9.0;
+
+/// One solid as a cloud sees it.
+struct Solid {
+    surface: Option<Surface>,
+    points: usize,
+    /// Scatter radius of each channel, mm.
+    radii: Vec<f64>,
+    /// R_d of each channel.
+    spreads: Vec<BySquare>,
+}
+
+/// R_d as a table over the square of the distance, eight bits of which tell steps within an octave
+/// apart: without logarithms, and on a line between steps within 2e-5 of a power law.
+struct BySquare {
+    first: u64,
+    values: Vec<f64>,
+}
+
+impl BySquare {
+    /// Bits of a double below those that count.
+    const SHIFT: u32 = 52 - 8;
+
+    fn new(diffusion: &Diffusion) -> Self {
+        let (low, high) = diffusion.profile.range();
+        let first = (low * low).to_bits() >> Self::SHIFT;
+        let last = (high * high).to_bits() >> Self::SHIFT;
+        let at = |index: u64| f64::from_bits(index << Self::SHIFT).sqrt();
+        let value = |index| diffusion.share * diffusion.profile.value(at(index));
+        Self {
+            first,
+            values: (first..=last + 1).map(value).collect(),
+        }
+    }
+
+    #[inline]
+    fn value(&self, square: f64) -> f64 {
+        let bits = square.max(f64::MIN_POSITIVE).to_bits();
+        let index = bits >> Self::SHIFT;
+        let Some(place) = index.checked_sub(self.first) else {
+            return self.values[0];
+        };
+        match self.values.get(place as usize..place as usize + 2) {
+            Some(&[here, next]) => {
+                let low = f64::from_bits(index << Self::SHIFT);
+                let high = f64::from_bits((index + 1) << Self::SHIFT);
+                here + (next - here) * (square - low) / (high - low)
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// The method.
+pub struct PointCloud<'a> {
+    scene: &'a Scene,
+    bssrdf: Bssrdf,
+    gather: Gather,
+    seed: u64,
+    planes: Planes,
+    solids: Vec<Solid>,
+}
+
+impl<'a> PointCloud<'a> {
+    /// Pictures of `scene`, with the diffusion and the single scattering of `bssrdf`.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::Coverless`]: a half-space, which no number of points covers, other than in the
+    /// light of beams alone for the hierarchy.
+    pub fn new(
+        scene: &'a Scene,
+        bssrdf: Bssrdf,
+        gather: Gather,
+        seed: u64,
+        components: bool,
+    ) -> Result<Self, SceneError> {
+        // The bell is interpolated between points, whether there is light or not.
+        let covered = matches!(gather, Gather::Smoothstep { .. })
+            || scene.lamps.iter().any(|lamp| !lamp.light.is_beam());
+        let solid = |(index, object): (usize, &crate::Object)| {
+            let surface = Surface::new(&object.shape);
+            if surface.is_none() && covered {
+                return Err(SceneError::Coverless(object.name.clone()));
+            }
+            let diffusions = bssrdf.of_object(index);
+            let media = object.material.media.iter();
+            let paths: Vec<f64> = media
+                .map(|m| 1.0 / m.reduced().coefficients().sigma_t_prime())
+                .collect();
+            let radii: Vec<f64> = diffusions
+                .iter()
+                .map(|d| match gather {
+                    Gather::Smoothstep {
+                        radius: Some(radius),
+                    } => radius,
+                    _ => d.profile.mean_distance() / MEAN_DISTANCE,
+                })
+                .collect();
+            let least = |of: &[f64]| of.iter().copied().fold(f64::INFINITY, f64::min);
+            let side = match gather {
+                Gather::Hierarchy { .. } => SPACING * least(&paths),
+                Gather::Smoothstep { .. } => SPACING_OF_RADIUS * least(&radii),
+            };
+            let area = surface.as_ref().map_or(0.0, Surface::area);
+            let points = (area / (side * side)).clamp(LEAST, MOST) as usize;
+            Ok(Solid {
+                surface: surface.filter(|_| covered),
+                points,
+                radii,
+                spreads: diffusions.iter().map(BySquare::new).collect(),
+            })
+        };
+        let solids = scene.objects.iter().enumerate().map(solid);
+        Ok(Self {
+            scene,
+            solids: solids.collect::<Result<_, _>>()?,
+            bssrdf,
+            gather,
+            seed,
+            planes: Planes {
+                channels: scene.channels.len(),
+                components,
+            },
+        })
+    }
+
+    /// The cloud of a round.
+    pub fn cloud(&self, round: u64) -> Cloud<'_> {
+        let channels = self.scene.channels.len();
+        let mut points = vec![vec![]; self.solids.len()];
+        let mut powers: Vec<Vec<f64>> = vec![vec![]; self.solids.len()];
+        for (object, solid) in self.solids.iter().enumerate() {
+            let Some(surface) = &solid.surface else {
+                continue;
+            };
+            let mut rng = stream(self.seed, &[5, round, object as u64]);
+            let area = surface.area() / solid.points as f64;
+            for point in surface.points(self.scene, object, solid.points, &mut rng) {
+                points[object].push(Lit {
+                    at: point.at,
+                    normal: point.true_normal,
+                    area,
+                });
+                powers[object].extend(self.entering(&point, area, &mut rng));
+            }
+        }
+        // A beam lights a spot that may lie between all points: its own rays are some more.
+        for (index, lamp) in self.scene.lamps.iter().enumerate() {
+            let Some(spot) = lamp.light.spot() else {
+                continue;
+            };
+            let mut rng = stream(self.seed, &[6, round, index as u64]);
+            let extent = spot.extent();
+            for _ in 0..RAYS {
+                let ray = lamp.light.emit(self.scene.reach(), &mut rng);
+                let Some((object, hit)) = self.scene.enter(ray.origin, ray.direction) else {
+                    continue;
+                };
+                let at = ray.origin + hit.distance * ray.direction;
+                let point = Point::new(self.scene, object, at, &hit);
+                let cos_in = (-ray.direction.dot(point.normal)).clamp(0.0, 1.0);
+                points[object].push(Lit {
+                    at,
+                    normal: point.true_normal,
+                    area: PI * extent * extent / RAYS as f64,
+                });
+                let media = self.scene.objects[object].material.media.iter();
+                powers[object].extend(media.zip(&lamp.strength).map(|(medium, strength)| {
+                    ray.power / RAYS as f64 * strength * fresnel::entry_factor(medium.eta, cos_in)
+                }));
+            }
+        }
+        let trees: Vec<Tree> = points
+            .iter()
+            .zip(&powers)
+            .map(|(points, powers)| Tree::new(points, powers, channels))
+            .collect();
+        let gathered = match self.gather {
+            Gather::Hierarchy { .. } => vec![],
+            Gather::Smoothstep { .. } => {
+                let all = trees.iter().zip(&self.solids);
+                all.map(|(tree, solid)| gathered(tree, &solid.radii))
+                    .collect()
+            }
+        };
+        Cloud {
+            method: self,
+            trees,
+            gathered,
+        }
+    }
+
+    /// Power that enters around a point, in each channel.
+    fn entering(&self, point: &Point, area: f64, rng: &mut Stream) -> Vec<f64> {
+        let media = &self.scene.objects[point.object].material.media;
+        let mut power = vec![0.0; media.len()];
+        for (index, lamp) in self.scene.lamps.iter().enumerate() {
+            if lamp.light.is_beam() {
+                continue;
+            }
+            let Some(incident) = arrives(self.scene, index, point, rng) else {
+                continue;
+            };
+            let cos_in = incident.toward.dot(point.normal).min(1.0);
+            for ((power, medium), strength) in power.iter_mut().zip(media).zip(&lamp.strength) {
+                *power += area
+                    * incident.irradiance
+                    * cos_in
+                    * strength
+                    * fresnel::entry_factor(medium.eta, cos_in);
+            }
+        }
+        power
+    }
+}
+
+/// Light under the bell around every point of a tree, per entering light, in each channel.
+fn gathered(tree: &Tree, radii: &[f64]) -> Vec<f64> {
+    let channels = radii.len();
+    let widest = radii.iter().copied().fold(0.0, f64::max);
+    let mut sums = vec![0.0; tree.len() * channels];
+    for (k, sums) in sums.chunks_exact_mut(channels).enumerate() {
+        let from = tree.point(k).0.at;
+        tree.within(from, widest, |other, square| {
+            let powers = tree.point(other).1;
+            let distance = square.sqrt();
+            for (channel, sum) in sums.iter_mut().enumerate() {
+                *sum += powers[channel] * bell(radii[channel], distance);
+            }
+        });
+    }
+    sums
+}
+
+impl Method for PointCloud<'_> {
+    fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    fn empty(&self) -> Picture {
+        Picture::empty(self.planes, self.scene)
+    }
+
+    fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
+        let cloud = self.cloud(index);
+        (
+            picture(self.scene, &cloud, self.seed, self.planes, index),
+            vec![],
+        )
+    }
+}
+
+/// Points with the light that enters there, ready to be looked at from any place.
+pub struct Cloud<'a> {
+    method: &'a PointCloud<'a>,
+    trees: Vec<Tree>,
+    /// For each solid, by point and channel: light under the bell.
+    gathered: Vec<Vec<f64>>,
+}
+
+impl Cloud<'_> {
+    /// How many points a solid has.
+    pub fn points(&self, object: usize) -> usize {
+        self.trees[object].len()
+    }
+
+    /// Adds to `out` the diffuse light that leaves around a point, per area: its radiance over
+    /// 1/π and the factor of the exit; in each channel, W mm⁻².
+    pub fn exitance(&self, point: &Point, out: &mut [f64]) {
+        match self.method.gather {
+            Gather::Hierarchy { solid_angle } => self.by_hierarchy(point, solid_angle, out),
+            Gather::Smoothstep { .. } => self.by_bell(point, out),
+        }
+    }
+
+    fn by_hierarchy(&self, point: &Point, solid_angle: f64, out: &mut [f64]) {
+        let solid = &self.method.solids[point.object];
+        let diffusions = self.method.bssrdf.of_object(point.object);
+        self.trees[point.object].seen(point.at, solid_angle, |from, powers| {
+            let offset = point.at - from.at;
+            let (square, along) = (offset.length_squared(), offset.dot(from.normal));
+            for (channel, (out, power)) in out.iter_mut().zip(powers).enumerate() {
+                let square = diffusions[channel].square_of_distance(square, along);
+                *out += power * solid.spreads[channel].value(square);
+            }
+        });
+    }
+
+    fn by_bell(&self, point: &Point, out: &mut [f64]) {
+        let tree = &self.trees[point.object];
+        let gathered = &self.gathered[point.object];
+        let channels = out.len();
+        let radii = &self.method.solids[point.object].radii;
+        let widest = radii.iter().copied().fold(0.0, f64::max);
+        // What lies on the other side of a thin sheet is near, but another surface.
+        let near = tree.nearest(point.at, widest, NEAREST, |other| {
+            other.normal.dot(point.true_normal) > 0.0
+        });
+        let Some((_, last)) = near.last() else {
+            return;
+        };
+        // The last one fades out, so that nothing jumps where another takes its place.
+        let reach = last.sqrt() * (1.0 + 1e-6) + f64::MIN_POSITIVE;
+        let (mut weights, mut sums) = (0.0, vec![0.0; channels]);
+        for (k, square) in near {
+            let weight = bell(reach, square.sqrt()).max(0.0);
+            weights += weight;
+            for (sum, light) in sums.iter_mut().zip(&gathered[k * channels..]) {
+                *sum += weight * light;
+            }
+        }
+        if weights > 0.0 {
+            let diffusions = self.method.bssrdf.of_object(point.object);
+            for (channel, sum) in sums.into_iter().enumerate() {
+                let all = diffusions[channel].share * diffusions[channel].profile.total();
+                out[channel] += all * sum / weights;
+            }
+        }
+    }
+}
+
+impl Shader for Cloud<'_> {
+    fn shade(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        rng: &mut Stream,
+        single: &mut [f64],
+        diffuse: &mut [f64],
+    ) {
+        let bssrdf = &self.method.bssrdf;
+        let mut exitance = vec![0.0; diffuse.len()];
+        self.exitance(point, &mut exitance);
+        let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
+        let media = &scene.objects[point.object].material.media;
+        for (channel, medium) in media.iter().enumerate() {
+            diffuse[channel] +=
+                exitance[channel] * bssrdf.leaves(point.object, channel, medium.eta, cos_out);
+        }
+        bssrdf.single(scene, point, view, rng, single);
+    }
+}
