@@ -8,6 +8,7 @@ The problem is the paper's: the dipole at 200 radii, weighted by noise, with the
 exact. leastsq, lmfit and iminuit get it reduced to one unknown, ln(sigma_t'); SLSQP and LD_SLSQP
 get (ln sigma_a, ln sigma_s') with the total as a constraint. All have analytic derivatives and the
 same vectorised numpy model. Failed is what ends elsewhere than at the truth, whatever it reports.
+fit_many is also run on the same materials with the total as one datum (joint) and without it (none).
 No test runs this; it takes some minutes, most of them for the peers.
 """
 
@@ -232,20 +233,20 @@ def fits_of(truths, noise, rng):
     return fits
 
 
-def ours(binary, fits, repeats):
-    """Seconds of one run, and sigma_a, sigma_s' of every fit."""
+def ours(binary, fits, repeats, constraint="exact", u_scale=0.0, u_total=0.0):
+    """Seconds of one run, and sigma_a, u, sigma_s', u, scale of every fit; `u_total` is relative."""
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "in"), Path(folder, "out")
         with source.open("wb") as out:
-            out.write(struct.pack("<4d", len(fits), len(RADII), ETA, 0.0))
+            out.write(struct.pack("<4d", len(fits), len(RADII), ETA, u_scale))
             out.write(RADII.tobytes())
             for fit in fits:
                 out.write(fit.values.tobytes() + fit.u.tobytes())
-                out.write(struct.pack("<2d", fit.total, 0.0))
-        call = [binary, source, target, "exact", str(repeats)]
+                out.write(struct.pack("<2d", fit.total, u_total * fit.total))
+        call = [binary, source, target, constraint, str(repeats)]
         done = subprocess.run([str(c) for c in call], check=True, capture_output=True, text=True)
         found = np.frombuffer(target.read_bytes()).reshape(-1, 5)
-    return float(done.stdout), found[:, [0, 2]]
+    return float(done.stdout), found
 
 
 def off(found, truth):
@@ -274,7 +275,13 @@ def main():
     truths = materials(rng, options.ours)
     exact = fits_of(truths, 0.0, rng)
     _, found = ours(options.binary, exact, 1)
-    failed = {"beamspot fit_many": (np.sum(off(found, truths) > 1e-4), options.ours)}
+    failed = {"beamspot fit_many": (np.sum(off(found[:, [0, 2]], truths) > 1e-4), options.ours)}
+    # The total one datum among others, and a scale that nobody knows exactly: data without noise
+    # still have their optimum at the truth, where it is sharp and where it is flat.
+    soft = {
+        "joint": ours(options.binary, exact, 1, "joint", 0.01, 0.002)[1],
+        "none": ours(options.binary, exact, 1, "none", 0.01)[1],
+    }
 
     far = 100.0 ** rng.uniform(-1, 1, (options.peers, 2))
     for name, peer in PEERS.items():
@@ -285,6 +292,7 @@ def main():
     noisy_truths = materials(rng, max(options.timed, 2000))
     noisy = fits_of(noisy_truths, 1.0, rng)
     seconds, best = ours(options.binary, noisy, 9)
+    best = best[:, [0, 2]]
     mine = seconds / len(noisy)
     timed = {"beamspot fit_many": (mine, 0.0)}
     near = 1.5 ** rng.uniform(-1, 1, (options.timed, 2))
@@ -304,6 +312,11 @@ def main():
         share = f"{bad} of {of} ({100 * bad / of:.1f} %)"
         same = f"{np.mean(np.asarray(apart) < 1e-6) * 100:.0f} % of fits"
         print(f"{name:20} {share:>27} {1e6 * seconds:9.1f} {seconds / mine:10.0f}  {same}")
+    for name, found in soft.items():
+        # Farther off than 1e-4, and than a thousandth of what the data can tell.
+        apart = np.abs(found[:, [0, 2]] - truths)
+        bad = np.any(~(apart < np.maximum(1e-4 * truths, 1e-3 * found[:, [1, 3]])), axis=1)
+        print(f"beamspot fit_many, {name}: {bad.sum()} of {options.ours} failed")
     print(f"{1 / mine:.0f} constrained fits of {len(RADII)} radii a second on one thread")
 
 
