@@ -169,6 +169,7 @@ def fit_many(
     range_mm: tuple[float, float] | None = None,
     thickness_mm: float | None = None,
     entry_loss: bool = True,
+    discrepancy: bool = True,
     threads: int | None = None,
 ) -> FitMany: ...
 def merge(

@@ -130,11 +130,12 @@ def test_the_command_line_finds_the_same(tmp_path):
         assert getattr(found, name).u == channel[name]["u"]
 
 
-def test_fit_many_is_fit_of_each_on_any_number_of_threads():
+@pytest.mark.parametrize("discrepancy", [False, True])
+def test_fit_many_is_fit_of_each_on_any_number_of_threads(discrepancy):
     rows = np.array([profile(seed)[0] for seed in range(20)])
     u = profile(0)[1]
     totals = np.full(20, ENTRY * beamspot.total_reflectance(**MARBLE))
-    options = {"eta": 1.5, "u_scale": 1e-3}
+    options = {"eta": 1.5, "u_scale": 1e-3, "discrepancy": discrepancy}
     many = beamspot.fit_many(RADII, rows, u, total=totals, u_total=np.full(20, 1e-4), **options)
     other = beamspot.fit_many(
         RADII,
@@ -147,9 +148,7 @@ def test_fit_many_is_fit_of_each_on_any_number_of_threads():
     )
     assert len(many) == 20 and many.errors == {} and set(many.termination) == {"converged"}
     for k, row in enumerate(rows):
-        one = beamspot.fit(
-            RADII, row, u, total=totals[k], u_total=1e-4, discrepancy=False, **options
-        )
+        one = beamspot.fit(RADII, row, u, total=totals[k], u_total=1e-4, **options)
         assert many.sigma_a_per_mm[k] == other.sigma_a_per_mm[k] == one.sigma_a_per_mm.value
         assert many.u_sigma_s_prime_per_mm[k] == one.sigma_s_prime_per_mm.u
 

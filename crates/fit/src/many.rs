@@ -4,7 +4,7 @@ use crate::conclude::Summary;
 use crate::geometry::Geometry;
 use crate::options::{Constraint, FitOptions};
 use crate::problem::{self, Data, Measured, Memory};
-use crate::result::{FitError, Termination};
+use crate::result::{Fit, FitError, Termination};
 use physics::{ForwardModel, ProfilePoint};
 use rayon::prelude::*;
 
@@ -192,6 +192,59 @@ pub fn fit_many(
 }
 
 impl ManyFits {
+    /// Puts what [`crate::fit`] says of profile `i`, asked in another way, in the place of what is
+    /// there. Nothing where there is no such profile.
+    pub fn replace(&mut self, i: usize, found: Result<&Fit, FitError>) {
+        if i >= self.sigma_a.len() {
+            return;
+        }
+        self.errors.retain(|e| e.0 != i);
+        self.termination[i] = found.as_ref().ok().map(|fit| fit.termination);
+        let numbers = match found {
+            Ok(fit) => {
+                let (a, s) = (&fit.sigma_a, &fit.sigma_s_prime);
+                [
+                    a.value,
+                    a.u,
+                    a.ci95.0,
+                    a.ci95.1,
+                    s.value,
+                    s.u,
+                    s.ci95.0,
+                    s.ci95.1,
+                    fit.correlation,
+                    fit.scale,
+                    fit.reduced_chi2,
+                    fit.range_mm.0,
+                    fit.share_outside,
+                ]
+            }
+            Err(error) => {
+                self.errors.push((i, error));
+                self.errors.sort_by_key(|e| e.0);
+                [f64::NAN; 13]
+            }
+        };
+        let columns = [
+            &mut self.sigma_a,
+            &mut self.u_sigma_a,
+            &mut self.sigma_a_low,
+            &mut self.sigma_a_high,
+            &mut self.sigma_s_prime,
+            &mut self.u_sigma_s_prime,
+            &mut self.sigma_s_prime_low,
+            &mut self.sigma_s_prime_high,
+            &mut self.correlation,
+            &mut self.scale,
+            &mut self.reduced_chi2,
+            &mut self.start_mm,
+            &mut self.share_outside,
+        ];
+        for (column, number) in columns.into_iter().zip(numbers) {
+            column[i] = number;
+        }
+    }
+
     fn new(summaries: &[Option<Summary>], errors: Vec<(usize, FitError)>) -> Self {
         let column = |f: fn(&Summary) -> f64| -> Vec<f64> {
             let numbers = summaries.iter().map(|s| s.as_ref().map_or(f64::NAN, f));

@@ -5,7 +5,7 @@
 //! a radius at nodes of η, g, k = √(3(1 − α′)) and ln ρ, ρ = σₜ′r: the training set. At a medium
 //! between its nodes the error is taken as
 //!
-//! `SHAPE`·Σ_g z_g δ_g(ρ) + `LOOSE`·a(ρ)·(a Gaussian process in ln ρ of unit variance),
+//! s·Σ_g z_g δ_g(ρ) + l·a(ρ)·(a Gaussian process in ln ρ of unit variance),
 //!
 //! with one unknown z_g of mean 0 and variance 1 for each g of the training set, since a closed
 //! form knows no g, and a(ρ) the root mean square of δ_g over g. The first terms are the shapes
@@ -16,6 +16,7 @@
 //! The example `discrepancy` fills the file, and the example `coverage` judges it on media that
 //! are not in it.
 
+use crate::library::ModelChoice;
 use fit::{Direction, DirectionKind};
 use physics::{Coefficients, ProfilePoint, RadialProfile, TotalReflectance};
 use std::collections::BTreeMap;
@@ -40,18 +41,37 @@ pub const LN_RADIUS: (f64, f64, usize) = (-3.0, 6.0, 25);
 const KNOTS: usize = 13;
 /// Length of its correlation in ln ρ.
 const LENGTH: f64 = 0.7;
-/// How far the training set's own errors are spread, so that one of them is well inside.
-const SHAPE: f64 = 1.5;
-/// Standard deviation of the loose part over that of the shapes that the training set has, in
-/// bright media and in dark ones, where the shapes themselves move fast with medium and radius.
-const LOOSE: (f64, f64) = (0.25, 0.6);
+/// How the errors of a model are spread around those of the training set.
+#[derive(Clone, Copy, Debug)]
+struct Spread {
+    /// Standard deviation of the shapes' coefficients, of which each of the training set's own
+    /// errors has one that is 1.
+    shape: f64,
+    /// Standard deviation of the loose part over that of the shapes that the training set has, in
+    /// bright media and in dark ones, where the shapes themselves move fast with medium and radius.
+    loose: (f64, f64),
+    /// What is left of the error from one ring to the next, relative.
+    grain: f64,
+}
+
+/// Forms whose error is tens of percent where diffusion begins.
+const ROUGH: Spread = Spread {
+    shape: 1.5,
+    loose: (0.25, 0.6),
+    grain: 0.002,
+};
+/// Forms whose error is a few percent there, and smooth from one medium to the next: what ROUGH
+/// says covers them always.
+const FINE: Spread = Spread {
+    shape: 1.0,
+    loose: (0.025, 0.06),
+    grain: 0.001,
+};
 /// √(3(1 − α′)) halfway between the two.
 const DARK: f64 = 0.7;
 /// Least standard deviation of the loose part, relative: the transport table's own error, and
 /// what lies between nodes.
 const LEAST: f64 = 0.003;
-/// What is left of the error from one ring to the next, relative.
-const GRAIN: f64 = 0.002;
 /// Far out a dark medium's R_d is wrong by powers of ten, and weighs nothing from here on.
 const LARGEST: f64 = 5.0;
 
@@ -93,6 +113,21 @@ fn tables() -> &'static Tables {
     })
 }
 
+/// What the table calls a model. One that uses g has another error where it is not told it.
+pub fn entry(model: &ModelChoice) -> &str {
+    match (model.name.as_str(), model.g) {
+        ("photon-beam-diffusion", None) => "photon-beam-diffusion without g",
+        (name, _) => name,
+    }
+}
+
+fn spread(model: &ModelChoice) -> Spread {
+    match model.name.as_str() {
+        "better-dipole" | "photon-beam-diffusion" => FINE,
+        _ => ROUGH,
+    }
+}
+
 /// The node below `x` among ascending `nodes`, and the place from there to the next, 0 to 1.
 fn locate(nodes: &[f64], x: f64) -> (usize, f64) {
     let below = nodes.partition_point(|n| *n <= x).clamp(1, nodes.len() - 1) - 1;
@@ -122,6 +157,7 @@ fn cubic(ln_radius: f64, count: usize) -> [(usize, f64); 4] {
 #[derive(Clone, Debug)]
 pub struct Discrepancy {
     near: Coefficients,
+    spread: Spread,
     /// By g: R_d's relative error at every node, then that of the light within.
     errors: [[f64; PER_MEDIUM]; G.len()],
     /// Factor of the correlation matrix of the loose part between its knots.
@@ -129,18 +165,17 @@ pub struct Discrepancy {
 }
 
 impl Discrepancy {
-    /// Whether the error of the model called `name` was found.
-    pub fn is_known(name: &str) -> bool {
-        tables().contains_key(name)
+    /// Whether the error of the model was found.
+    pub fn is_known(model: &ModelChoice) -> bool {
+        tables().contains_key(entry(model))
     }
 
-    /// That of the model called `name` at relative index `eta` near a medium; `None` where none
-    /// was found for it.
+    /// That of the model at relative index `eta` near a medium; `None` where none was found for it.
     ///
     /// It is taken there wherever a fit looks: a form that is wrong by tens of percent does not
     /// find the medium whose error it has.
-    pub fn of(name: &str, eta: f64, near: Coefficients) -> Option<Self> {
-        let table = tables().get(name)?;
+    pub fn of(model: &ModelChoice, eta: f64, near: Coefficients) -> Option<Self> {
+        let table = tables().get(entry(model))?;
         let (eta, in_eta) = locate(&ETA, eta);
         let k = (3.0 * (1.0 - near.albedo_prime())).max(0.0).sqrt();
         let (k, in_k) = locate(&K, k);
@@ -152,6 +187,7 @@ impl Discrepancy {
         };
         Some(Self {
             near,
+            spread: spread(model),
             errors: std::array::from_fn(|g| std::array::from_fn(|i| error(g, i))),
             factor: correlation_factor(),
         })
@@ -169,7 +205,8 @@ impl Discrepancy {
         let mean = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
         let k2 = 3.0 * (1.0 - self.near.albedo_prime());
         let dark = k2 / (k2 + DARK * DARK);
-        LEAST.hypot((LOOSE.0 + dark * (LOOSE.1 - LOOSE.0)) * mean.sqrt())
+        let (bright, in_dark) = self.spread.loose;
+        LEAST.hypot((bright + dark * (in_dark - bright)) * mean.sqrt())
     }
 
     /// R_d's relative error, or that of the light within, for each g.
@@ -188,7 +225,7 @@ impl Discrepancy {
         let errors = self.errors(ln_radius, false);
         let mut ways = [0.0; WAYS];
         for (way, error) in ways.iter_mut().zip(&errors) {
-            *way = SHAPE * error;
+            *way = self.spread.shape * error;
         }
         let size = self.loose(&errors);
         for (knot, weight) in cubic(ln_radius, KNOTS) {
@@ -204,7 +241,7 @@ impl Discrepancy {
         let errors = self.errors(self.ln_radius(radius), true);
         let mut ways = [0.0; WAYS];
         for (way, error) in ways.iter_mut().zip(&errors) {
-            *way = SHAPE * error;
+            *way = self.spread.shape * error;
         }
         ways[WAYS - 1] = self.loose(&errors);
         ways
@@ -241,13 +278,15 @@ impl Discrepancy {
 
 /// `profile` and `total` with what the discrepancy leaves of the model's error from ring to ring.
 pub(crate) fn with_grain(
+    model: &ModelChoice,
     profile: &RadialProfile,
     total: Option<&TotalReflectance>,
 ) -> (RadialProfile, Option<TotalReflectance>) {
     let circle = total.and_then(|t| t.radius_max_mm).unwrap_or(0.0) * (1.0 + 1e-9);
+    let share = spread(model).grain;
     let (mut profile, mut added) = (profile.clone(), 0.0);
     for p in &mut profile.points {
-        let grain = GRAIN * p.reflectance_per_mm2;
+        let grain = share * p.reflectance_per_mm2;
         p.u_reflectance_per_mm2 = p.u_reflectance_per_mm2.hypot(grain);
         if p.ring_mm.is_some_and(|ring| ring.1 <= circle) {
             added += (p.area_mm2() * grain).powi(2);

@@ -46,6 +46,11 @@ impl Error {
         self.kind
     }
 
+    /// The error of another crate below it, where it is one of this type.
+    pub fn cause<E: std::error::Error + Send + Sync + 'static>(&self) -> Option<&E> {
+        self.source.downcast_ref()
+    }
+
     /// The same error, said to have happened in `context`.
     #[must_use]
     pub fn within(self, context: impl fmt::Display) -> Self {

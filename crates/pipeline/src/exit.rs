@@ -6,7 +6,7 @@
 //! after the other until neither moves.
 
 use crate::error::Result;
-use crate::fitting::{Given, ScaleInput, u_relative};
+use crate::fitting::{Given, ScaleInput};
 use crate::library;
 use physics::footprint::{Blur, Footprints};
 use physics::{Coefficients, ExitFactor, ForwardModel};
@@ -46,11 +46,7 @@ pub(crate) fn of_transport(
         return Ok(None);
     }
     let model = library::model(&given.model, given.eta)?;
-    let u_scale = if given.free_scale {
-        f64::INFINITY
-    } else {
-        u_relative(scale)
-    };
+    let u_scale = given.u_scale(scale);
     let options = given.options(u_scale);
     let diffuse = given.exit.factor();
     let fitted = |seen: &Measured| {

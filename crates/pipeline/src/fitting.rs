@@ -3,13 +3,18 @@
 use crate::discrepancy::{Discrepancy, with_grain};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::library::{self, ModelChoice};
-use fit::{Constraint, Contribution, Direction, DirectionKind, Estimate, Fit, FitOptions};
+use fit::{
+    Constraint, Contribution, Direction, DirectionKind, Estimate, Fit, FitError, FitOptions,
+    ManyFits, Profiles,
+};
 use physics::footprint::Beam;
 use physics::{
     Blur, Coefficients, Footprints, ForwardModel, Material, ProfilePoint, RadialProfile,
     TotalReflectance, fresnel,
 };
 use profile::Exit;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
 use transport::TransportModel;
 
 /// Standard uncertainty over the difference of two answers, were any between as likely as either:
@@ -138,6 +143,16 @@ impl Given {
         }
     }
 
+    /// Relative standard uncertainty of a scale that `scale` makes uncertain; infinite where it is
+    /// free.
+    pub(crate) fn u_scale(&self, scale: &[ScaleInput]) -> f64 {
+        if self.free_scale {
+            f64::INFINITY
+        } else {
+            u_relative(scale)
+        }
+    }
+
     /// Share of the incident power that enters at index `eta`; 1 in the paper's mode.
     pub(crate) fn entry_factor(&self, eta: f64) -> f64 {
         if self.entry_loss {
@@ -156,17 +171,29 @@ impl Given {
         library::model(&self.model, self.eta)
     }
 
+    /// Transport at every g that the medium may have, where the model's discrepancy takes part.
+    fn truths(&self) -> Vec<TransportModel> {
+        if !self.discrepancy || !Discrepancy::is_known(&self.model) {
+            return vec![];
+        }
+        let eta = self.eta.clamp(1.0, 1.6);
+        let (first, last) = (G_TRIED[0], G_TRIED[G_TRIED.len() - 1]);
+        let told = self.model.g.map(|g| [g.clamp(first, last)]);
+        let tried = told.as_ref().map_or(&G_TRIED[..], |g| g);
+        let truths = tried.iter();
+        truths
+            .filter_map(|g| TransportModel::new(eta, *g).ok())
+            .collect()
+    }
+
     /// Where the model's discrepancy takes part: a medium near the one that made the data, as
     /// transport has it under the hard constraint, at the g that suits the data best.
     fn near(
         &self,
         profile: &RadialProfile,
         total: Option<&TotalReflectance>,
+        truths: &[TransportModel],
     ) -> Option<Coefficients> {
-        if !self.discrepancy || !Discrepancy::is_known(&self.model.name) {
-            return None;
-        }
-        let eta = self.eta.clamp(1.0, 1.6);
         let hard = total.is_some() && self.constraint != Constraint::None && !self.free_scale;
         let options = FitOptions {
             constraint: if hard {
@@ -177,10 +204,8 @@ impl Given {
             ..self.options(if self.free_scale { f64::INFINITY } else { 0.0 })
         };
         // Where that has no answer, neither has a fit with a closed form: it will say why.
-        let fits = G_TRIED.iter().filter_map(|&g| {
-            let truth = TransportModel::new(eta, g).ok()?;
-            fit::fit(profile, total, &truth, &options).ok()
-        });
+        let fits = truths.iter();
+        let fits = fits.filter_map(|truth| fit::fit(profile, total, truth, &options).ok());
         let best = fits.min_by(|a, b| a.reduced_chi2.total_cmp(&b.reduced_chi2));
         best.map(|fit| fit.coefficients())
     }
@@ -296,14 +321,91 @@ pub fn fit_channel(
     scale: &[ScaleInput],
     given: &Given,
 ) -> Result<Fit> {
-    let u_scale_relative = if given.free_scale {
-        f64::INFINITY
-    } else {
-        u_relative(scale)
+    fit_beside(profile, total, scale, given, &given.truths())
+}
+
+/// Fits every one of many profiles that share radii and what is given, on all threads of the
+/// current `rayon` pool; the same on any number of them, to the last bit.
+///
+/// Where no discrepancy takes part this is [`fit::fit_many`], which allocates nothing from one
+/// profile to the next. With one it is [`fit_channel`] of each: a fit with transport finds where
+/// the model's error is taken, a hundred times slower.
+///
+/// # Errors
+///
+/// The model is unknown, or the arrays do not belong together. A profile that cannot be fitted
+/// does not stop the others.
+pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Result<ManyFits> {
+    let model = given.model()?;
+    let options = given.options(given.u_scale(scale));
+    let mut found = fit::fit_many(profiles, &*model, &options).input("profiles")?;
+    let truths = given.truths();
+    if truths.is_empty() {
+        return Ok(found);
+    }
+    let points = profiles.points.len();
+    let one = |i: usize| {
+        let channel = i.to_string();
+        let u = profiles.u_reflectance_per_mm2;
+        let u = if u.len() == points {
+            u
+        } else {
+            &u[i * points..][..points]
+        };
+        let values = &profiles.reflectance_per_mm2[i * points..][..points];
+        let measured = profiles.points.iter().zip(values.iter().zip(u));
+        let profile = RadialProfile {
+            channel: channel.clone(),
+            points: measured
+                .map(|(p, (value, u))| ProfilePoint {
+                    reflectance_per_mm2: *value,
+                    u_reflectance_per_mm2: *u,
+                    ..*p
+                })
+                .collect(),
+        };
+        let total = profiles.totals.map(|t| TotalReflectance {
+            channel,
+            total_reflectance: t.total_reflectance[i],
+            u_total_reflectance: t.u_total_reflectance[i],
+            radius_max_mm: t.radius_max_mm,
+            u_scale_relative: u_relative(scale),
+            u_offset_per_mm2: 0.0,
+        });
+        fit_beside(&profile, total.as_ref(), scale, given, &truths)
     };
-    let near = given.near(profile, total);
+    // What has no answer without the discrepancy has none with it.
+    let failed: BTreeSet<usize> = found.errors.iter().map(|e| e.0).collect();
+    let fits: Vec<(usize, Result<Fit>)> = (0..found.sigma_a.len())
+        .into_par_iter()
+        .filter(|i| !failed.contains(i))
+        .map(|i| (i, one(i)))
+        .collect();
+    for (i, fit) in fits {
+        match fit {
+            Ok(fit) => found.replace(i, Ok(&fit)),
+            // Only the fit itself fails from here on: everything else was there for the first.
+            Err(error) => match error.cause::<FitError>() {
+                Some(cause) => found.replace(i, Err(cause.clone())),
+                None => return Err(error),
+            },
+        }
+    }
+    Ok(found)
+}
+
+/// The fit of [`fit_channel`], with transport at the g that the medium may have.
+fn fit_beside(
+    profile: &RadialProfile,
+    total: Option<&TotalReflectance>,
+    scale: &[ScaleInput],
+    given: &Given,
+    truths: &[TransportModel],
+) -> Result<Fit> {
+    let u_scale_relative = given.u_scale(scale);
+    let near = given.near(profile, total, truths);
     let (profile, total) = if near.is_some() {
-        with_grain(profile, total)
+        with_grain(&given.model, profile, total)
     } else {
         (profile.clone(), total.cloned())
     };
@@ -537,7 +639,7 @@ impl Case {
         } = self;
         let model = given.model()?;
         let of_model = match near {
-            Some(near) => match Discrepancy::of(&given.model.name, given.eta, *near) {
+            Some(near) => match Discrepancy::of(&given.model, given.eta, *near) {
                 Some(error) => {
                     let (values, of_total) = self.seen(given, *near)?;
                     let total = total.as_ref().map(|t| {

@@ -8,7 +8,7 @@
 //! they hang on it.
 
 use crate::error::{Blame, Result};
-use crate::fitting::{Change, Given, ScaleInput, Variant, u_relative};
+use crate::fitting::{Change, Given, ScaleInput, Variant};
 use physics::{ForwardModel, RadialProfile, TotalReflectance};
 use transport::TransportFamily;
 
@@ -41,11 +41,7 @@ pub fn settled(
     }
     let place = || format!("channel {}", profile.channel);
     let family = TransportFamily::new(given.eta).input("model monte-carlo")?;
-    let u_scale = if given.free_scale {
-        f64::INFINITY
-    } else {
-        u_relative(scale)
-    };
+    let u_scale = given.u_scale(scale);
     // One range for every g, or their χ² would not compare.
     let mut options = given.options(u_scale);
     let first = family.at(STAND_IN).input("model monte-carlo")?;

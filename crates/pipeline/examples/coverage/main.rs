@@ -197,12 +197,20 @@ fn held_out(rng: &mut Pcg64) -> (Coefficients, f64, f64) {
 }
 
 fn wrong(count: usize, only: &str, seed: u64) -> Outcome {
-    for name in MODELS {
-        let choice = ModelChoice {
-            name: name.to_owned(),
-            ..ModelChoice::default()
-        };
-        if !Discrepancy::is_known(name) || !name.contains(only) {
+    let choices = MODELS.map(|name| ModelChoice {
+        name: name.to_owned(),
+        ..ModelChoice::default()
+    });
+    // A form that uses g is judged with the medium's and without.
+    let cases = choices.into_iter().flat_map(|choice| {
+        let told = [false, true]
+            .into_iter()
+            .filter(|told| !told || choice.uses_g());
+        told.map(|told| (told, choice.clone())).collect::<Vec<_>>()
+    });
+    for (told, choice) in cases {
+        let name = format!("{}{}", choice.name, if told { ", told g" } else { "" });
+        if !Discrepancy::is_known(&choice) || !name.contains(only) {
             continue;
         }
         let found = (0..count as u64)
@@ -211,6 +219,10 @@ fn wrong(count: usize, only: &str, seed: u64) -> Outcome {
                 let mut rng = Pcg64::seed_from_u64(seed * 1_000_000 + 77_000 + i);
                 let (medium, eta, g) = held_out(&mut rng);
                 let truth = TransportModel::new(eta, g).ok()?;
+                let choice = ModelChoice {
+                    g: told.then_some(g),
+                    ..choice.clone()
+                };
                 let (mut profile, mut total) =
                     noiseless(&truth, fresnel::entry_factor(eta, 1.0), medium);
                 let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
