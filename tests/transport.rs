@@ -4,6 +4,8 @@ use fit::{Constraint, Fit, FitOptions, fit};
 use physics::profile::mean_radius;
 use physics::{ProfilePoint, RadialProfile, TotalReflectance, fresnel};
 use pipeline::library::{ModelChoice, model};
+use pipeline::measure::{Choices, measure};
+use pipeline::{Silent, capture, synthesis};
 
 /// A run of MCML (fixtures/monte-carlo/totals.csv): rings, total with its standard error, truth.
 struct Run {
@@ -125,6 +127,61 @@ fn the_transport_model_recovers_what_the_dipole_does_not() {
             } else {
                 assert!(error_s.abs() > 0.005, "{}: {found:?}", run.name);
             }
+        }
+    }
+}
+
+/// Side by side, every model gets the light that its own exit factor makes of the radiance, whichever
+/// was asked for first.
+#[test]
+fn all_models_stand_beside_each_other_on_their_own_light() {
+    let mut sample = synthesis::sample_of("skin1").unwrap();
+    sample.channels.retain(|(name, _)| name == "R");
+    let camera = synth::Camera {
+        width: 256,
+        height: 256,
+        mm_per_pixel: 0.16,
+        channels: synth::Channels::Mono,
+        exposures_s: vec![0.001, 0.004, 0.016, 0.064, 0.25, 1.0, 4.0],
+        ..synth::Camera::default()
+    };
+    let called = |name: &str| ModelChoice {
+        name: name.to_owned(),
+        g: (name == "monte-carlo").then_some(0.8),
+        ..ModelChoice::default()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("capture");
+    let light = called("monte-carlo");
+    let manifest = synthesis::write(&sample, camera, &light, 1, &target, false, &Silent).unwrap();
+    let loaded = capture::load(&manifest).unwrap();
+    let measured = |model: ModelChoice, compare| {
+        let choices = Choices {
+            model,
+            compare,
+            confirm: false,
+            ..Choices::default()
+        };
+        measure(&loaded, &choices, &Silent).unwrap()
+    };
+    // The dipole comes first where all are asked for, and its factor is the diffuse one.
+    let all = measured(
+        ModelChoice {
+            g: Some(0.8),
+            ..called("dipole")
+        },
+        true,
+    );
+    for name in ["monte-carlo", "dipole"] {
+        let alone = &measured(called(name), false).fits[0];
+        let beside = all.compared.iter().find(|c| c.name() == name).unwrap();
+        let beside = &beside.fits()[0].1;
+        for (a, b) in [
+            (alone.sigma_a, beside.sigma_a),
+            (alone.sigma_s_prime, beside.sigma_s_prime),
+        ] {
+            // The beam on the white is measured with the model that was asked for.
+            assert!((a.value - b.value).abs() < 0.2 * a.u, "{name}: {a:?} {b:?}");
         }
     }
 }

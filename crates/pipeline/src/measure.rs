@@ -591,11 +591,13 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
         .map(|((m, scale), given)| exit::of_transport(m, scale, given))
         .collect::<Result<Vec<_>>>()
         .map_err(|e| e.within(place()))?;
-    let measured: Vec<Measured> = measured
-        .into_iter()
+    // Every model is due the light that its own factor makes.
+    let diffuse = measured;
+    let measured: Vec<Measured> = diffuse
+        .iter()
         .zip(seen)
         .map(|(diffuse, seen)| match seen {
-            None => diffuse,
+            None => diffuse.clone(),
             Some((seen, line)) => {
                 exit_lines.push(line);
                 seen
@@ -648,7 +650,7 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     }
     let compared = if choices.compare {
         let all = |model: &Given| {
-            measured
+            diffuse
                 .iter()
                 .zip(&radiance.scale_inputs)
                 .zip(&given)
@@ -656,10 +658,12 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
                     monitor.check()?;
                     let given = Given {
                         model: model.model.clone(),
-                        ..given.clone()
+                        ..given.unsettled()
                     };
+                    let given = unknown_g::settled(&m.profile, Some(&m.total), scale, &given)?;
+                    let turned = exit::of_transport(m, scale, &given)?;
+                    let m = turned.as_ref().map_or(m, |(turned, _)| turned);
                     let (profile, total) = (&m.profile, Some(&m.total));
-                    let given = unknown_g::settled(profile, total, scale, &given)?;
                     let fit = fitting::fit_channel(profile, total, scale, &given)?;
                     Ok((given, fit))
                 })
