@@ -61,7 +61,7 @@ pub(crate) enum Command {
     Render(RenderArgs),
     /// A scene by every method, and how far the models are from transport.
     Validate(ValidateArgs),
-    /// How far two pictures are apart.
+    /// How far two pictures, profiles or material tables are apart.
     Compare(CompareArgs),
     /// Integrating-sphere reflectance and transmittance to sigma_a, sigma_s and g.
     Sphere(SphereArgs),
@@ -418,11 +418,11 @@ pub(crate) struct ValidateArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  beamspot compare bssrdf.exr monte-carlo.exr -o difference.png")]
 pub(crate) struct CompareArgs {
-    /// A picture, as `render` or `hdr` write it.
-    #[arg(value_name = "A.exr")]
+    /// A picture, as `render` or `hdr` write it; a profile.csv; or a table of materials (csv, json).
+    #[arg(value_name = "A")]
     pub(crate) a: PathBuf,
-    /// Another of the same size and channels.
-    #[arg(value_name = "B.exr")]
+    /// Another of its kind; a picture of the same size and channels.
+    #[arg(value_name = "B")]
     pub(crate) b: PathBuf,
     /// Picture of A - B to write: red where A is brighter, blue where it is darker.
     #[arg(short, long, value_name = "FILE.png")]
@@ -455,6 +455,9 @@ pub(crate) enum BrdfArg {
     Lambert,
     /// Jensen's approximation: diffuse and single scattering.
     Jensen,
+    /// Hanrahan and Krueger's layers (`layers` of each object): what scattered once, and more
+    /// often; sheets with the open behind them shine through.
+    Layered,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -491,10 +494,11 @@ impl RenderArgs {
         };
         let method = match self.method {
             MethodArg::MonteCarlo => MethodChoice::MonteCarlo,
-            MethodArg::Brdf => MethodChoice::Brdf(match self.brdf {
-                BrdfArg::Lambert => BrdfKind::Lambert,
-                BrdfArg::Jensen => BrdfKind::Jensen,
-            }),
+            MethodArg::Brdf => match self.brdf {
+                BrdfArg::Lambert => MethodChoice::Brdf(BrdfKind::Lambert),
+                BrdfArg::Jensen => MethodChoice::Brdf(BrdfKind::Jensen),
+                BrdfArg::Layered => MethodChoice::Layered,
+            },
             MethodArg::Bssrdf => MethodChoice::Bssrdf(self.model()?, sampling),
             MethodArg::PointCloud => {
                 let radius = self.scatter_radius;

@@ -84,7 +84,8 @@ fn one_run_or_several_on_any_number_of_threads_the_same_bytes() {
 fn every_method_makes_a_picture_with_its_components() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    fs::write(path.join("scene.toml"), SCENE).unwrap();
+    let layered = SCENE.replace("eta = 1.4", "eta = 1.33\nlayers = \"leaf\"");
+    fs::write(path.join("scene.toml"), layered).unwrap();
     for (name, more) in [
         ("m", &["--method", "monte-carlo", "--photons", "300"][..]),
         ("j", &["--method", "bssrdf"]),
@@ -94,6 +95,7 @@ fn every_method_makes_a_picture_with_its_components() {
         ("s", &["--method", "point-cloud", "--cloud", "smoothstep"]),
         ("b", &["--method", "brdf"]),
         ("l", &["--method", "brdf", "--brdf", "lambert"]),
+        ("y", &["--method", "brdf", "--brdf", "layered"]),
     ] {
         let output = format!("{name}.exr");
         let common = [
@@ -160,21 +162,20 @@ fn methods_are_held_against_each_other() {
     );
     assert_eq!(code, Some(0), "{error}");
     let same: serde_json::Value = serde_json::from_str(&out).unwrap();
-    assert_eq!(same[0]["rmse"], 0.0);
+    assert_eq!(same["channels"][0]["rmse"], 0.0);
+    assert_eq!(same["flip"], 0.0);
     let again = [
-        &[
-            "render",
-            "scene.toml",
-            "-o",
-            "m.exr",
-            "--seed",
-            "2",
-            "--rounds",
-            "20",
-        ][..],
-        &["--photons", "500"],
-    ]
-    .concat();
+        "render",
+        "scene.toml",
+        "-o",
+        "m.exr",
+        "--seed",
+        "2",
+        "--rounds",
+        "20",
+        "--photons",
+        "500",
+    ];
     assert_eq!(call(path, &again).0, Some(0));
     let compare = [
         "compare",
@@ -187,10 +188,28 @@ fn methods_are_held_against_each_other() {
     let (code, out, error) = call(path, &compare);
     assert_eq!(code, Some(0), "{error}");
     let other: serde_json::Value = serde_json::from_str(&out).unwrap();
-    let chi2 = other[0]["chi2_per_pixel"].as_f64().unwrap();
+    let chi2 = other["channels"][0]["chi2_per_pixel"].as_f64().unwrap();
     // Of 192 pixels, with errors from 20 rounds.
     assert!((0.6..1.6).contains(&chi2), "{out}");
     assert!(path.join("d.png").exists());
+    for ring in other["rings"].as_array().unwrap() {
+        assert!(ring["z"].as_f64().unwrap_or(0.0).abs() < 5.0, "{ring}");
+    }
+    // Powers through faces stand beside what `render` made, and differ by their noise alone.
+    let third = again.map(|word| match word {
+        "m.exr" => "n.exr",
+        "2" => "3",
+        word => word,
+    });
+    assert_eq!(call(path, &third).0, Some(0));
+    let (code, out, error) = call(path, &["compare", "m.exr", "n.exr", "--json"]);
+    assert_eq!(code, Some(0), "{error}");
+    let other: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let faces = other["faces"].as_array().unwrap();
+    assert_eq!(faces.len(), 6, "{out}");
+    for face in faces {
+        assert!(face["z"].as_f64().unwrap().abs() < 5.0, "{face}");
+    }
     fs::write(path.join("small.toml"), SCENE.replace("= 16", "= 8")).unwrap();
     assert_eq!(
         call(
@@ -261,6 +280,18 @@ fn bad_scenes_are_answered() {
             SCENE[..SCENE.find("[[light]]").unwrap()].to_owned(),
             "has no light",
         ),
+        (
+            SCENE.replace("eta = 1.4", "eta = 1.4\nlayers = \"leaf\""),
+            "give `eta = 1.33`",
+        ),
+        (
+            SCENE.replace("eta = 1.4", "eta = 1.4\nlayers = \"none.toml\""),
+            "none.toml",
+        ),
+        (
+            SCENE.replace("eta = 1.4", "eta = 1.33\nlayers = [\"leaf\", \"leaf\"]"),
+            "expected one name, or 1",
+        ),
         (mesh("none.obj"), "none.obj"),
         (mesh("flat.obj"), "encloses no volume"),
         (mesh("nan.obj"), "vertex 1"),
@@ -308,5 +339,58 @@ fn bad_scenes_are_answered() {
         let (code, _, error) = call(path, &arguments);
         assert_eq!(code, Some(2), "{said}: {error}");
         assert!(error.contains(said), "{said}: {error}");
+    }
+}
+
+#[test]
+fn profiles_and_tables_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let head = "channel,radius_mm,reflectance_per_mm2,u_reflectance_per_mm2\n";
+    let profile = |factor: f64| {
+        let rows = [1.0_f64, 2.0, 4.0]
+            .map(|r| format!("G,{r},{},{}\n", factor / (r * r), 0.01 * factor / (r * r)));
+        format!("{head}{}", rows.concat())
+    };
+    fs::write(path.join("a.csv"), profile(1.02)).unwrap();
+    // Between its radii the first is a line in the logarithms: a power law is met.
+    let b = profile(1.0).replace("G,2,0.25,0.0025\n", "G,3,0.1111111111111111,0.001\n");
+    fs::write(path.join("b.csv"), b).unwrap();
+    let (code, out, error) = call(path, &["compare", "a.csv", "b.csv", "--json"]);
+    assert_eq!(code, Some(0), "{error}");
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(found["kind"], "profiles");
+    let pairs = found["pairs"].as_array().unwrap();
+    assert_eq!(pairs.len(), 3);
+    for pair in pairs {
+        assert!(
+            (pair["relative"].as_f64().unwrap() - 0.02).abs() < 1e-9,
+            "{pair}"
+        );
+    }
+    // 2 % over the root of the two squares.
+    let z = 0.02 / 0.01 / 1.02_f64.hypot(1.0);
+    assert!((pairs[0]["z"].as_f64().unwrap() - z).abs() < 1e-9, "{out}");
+
+    let row = |value: &str| {
+        format!(
+            "material,channel,sigma_s_prime_per_mm,u_sigma_s_prime_per_mm,sigma_a_per_mm,u_sigma_a_per_mm,eta\n\
+             stone,G,2,0.1,{value},0.01,1.5\n"
+        )
+    };
+    fs::write(path.join("s.csv"), row("0.5")).unwrap();
+    fs::write(path.join("t.csv"), row("0.4")).unwrap();
+    let (code, out, error) = call(path, &["compare", "s.csv", "t.csv"]);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(
+        out.contains("stone G") && out.contains("+25.00 %") && out.contains("+7.1"),
+        "{out}"
+    );
+    for (files, said) in [
+        (["a.csv", "s.csv"], "one of each"),
+        (["a.csv", "none.csv"], "none.csv"),
+    ] {
+        let (code, _, error) = call(path, &["compare", files[0], files[1]]);
+        assert!(code == Some(3) && error.contains(said), "{error}");
     }
 }

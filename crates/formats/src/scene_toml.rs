@@ -120,6 +120,22 @@ pub struct ObjectEntry {
     pub eta: Option<f64>,
     /// Coefficients inline, in the place of `material`.
     pub medium: Option<InlineMedium>,
+    /// Layers of the surface, for the layered BRDF: a `MEDIUM.toml` beside the scene or a shipped
+    /// medium, one for all channels or one for each.
+    pub layers: Option<Names>,
+}
+
+/// One name or a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a name, or a list of one name a channel"
+)]
+pub enum Names {
+    /// The same for all.
+    One(String),
+    /// One a channel.
+    Each(Vec<String>),
 }
 
 /// Shape of a solid.

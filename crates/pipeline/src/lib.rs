@@ -28,6 +28,7 @@
 //! | [`brdf`] | BRDF and BTDF of layers by three witnesses |
 //! | [`sphere`] | what an integrating sphere measured, inverted |
 //! | [`rendering`] | scenes as files, pictures as files |
+//! | [`difference`] | two profiles or tables beside each other |
 //! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
@@ -38,6 +39,7 @@ pub mod capture;
 pub mod comparison;
 pub mod confirm;
 mod consistency;
+pub mod difference;
 pub mod discrepancy;
 pub mod energy;
 pub mod error;

@@ -1,11 +1,18 @@
 //! Scenes as files, pictures as files.
 
 mod difference;
+mod flip;
+mod layers;
 mod outputs;
 mod scene;
 mod validation;
 
-pub use difference::{ChannelDifference, compare_pictures, differences, read_pictures};
+pub use difference::{
+    ChannelDifference, FaceDifference, PictureDifference, RingDifference, compare_pictures,
+    differences, read_pictures,
+};
+pub use flip::hdr_flip;
+pub use layers::sheet;
 pub use outputs::{Outcome, PictureFiles};
 pub use scene::{Loaded, load};
 pub use validation::{MethodLine, Validation, validate};
@@ -20,7 +27,8 @@ use physics::{
 };
 use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
 use render::{
-    Brdf, Gather, Kind as BrdfKind, Method, MonteCarlo, Options, Picture, PointCloud, Scene, Shaded,
+    Brdf, Gather, Kind as BrdfKind, Layered, Method, MonteCarlo, Options, Picture, PointCloud,
+    Scene, Shaded,
 };
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
@@ -53,6 +61,8 @@ pub enum MethodChoice {
     MonteCarlo,
     /// A BRDF.
     Brdf(BrdfKind),
+    /// BRDF and BTDF of the layers of each solid.
+    Layered,
     /// A BSSRDF.
     Bssrdf(BssrdfModel, Sampling),
     /// The diffusion of a BSSRDF gathered from points over the surface.
@@ -171,7 +181,7 @@ pub fn returned(medium: &Medium) -> Result<(f64, f64)> {
         eta_above: 1.0,
         eta_below: 1.0,
     };
-    let response = layers::solve(&layered, &[1.0], &[]).fault("energy")?;
+    let response = ::layers::solve(&layered, &[1.0], &[]).fault("energy")?;
     let brdf = BrdfApproximation::new(medium, DiffuseFresnel::Exact);
     let rule = GaussLegendre::new(NonZeroUsize::new(64).expect("64 is not zero"));
     let single = rule.integrate(0.0, 1.0, |cos_out| {
@@ -243,6 +253,24 @@ fn method<'a>(loaded: &'a Loaded, options: &RenderOptions) -> Result<Box<dyn Met
         }
         MethodChoice::Brdf(kind) => {
             Box::new(Shaded::new(scene, Brdf::new(scene, kind), seed, components))
+        }
+        MethodChoice::Layered => {
+            let of_object = scene
+                .objects
+                .iter()
+                .zip(&loaded.layers)
+                .map(|(object, found)| {
+                    if found.is_empty() {
+                        let message = format!(
+                            "object `{}` has no `layers`, which --brdf layered shows",
+                            object.name
+                        );
+                        return Err(Error::new(Kind::Input, message).within(loaded.path.display()));
+                    }
+                    found.iter().map(sheet).collect()
+                });
+            let layered = Layered::new(scene, of_object.collect::<Result<_>>()?);
+            Box::new(Shaded::new(scene, layered, seed, components))
         }
         MethodChoice::Bssrdf(model, sampling) => {
             let shader = bssrdf(scene, model, sampling);

@@ -40,7 +40,7 @@ impl Brdf {
 }
 
 /// Cosine of the azimuth between two directions, 1 where they are on opposite sides.
-fn azimuth(normal: Vec3, a: Vec3, b: Vec3) -> f64 {
+pub(crate) fn azimuth(normal: Vec3, a: Vec3, b: Vec3) -> f64 {
     let flat = |d: Vec3| (d - d.dot(normal) * normal).normalize_or_zero();
     -flat(a).dot(flat(b))
 }

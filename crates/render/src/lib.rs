@@ -18,6 +18,7 @@
 //! | [`method`] | [`Method`]: what all ways to a picture have in common |
 //! | [`surface`] | models of the surface: what comes out of a solid at a point |
 //! | [`brdf`] | the method `brdf` |
+//! | [`layered`] | `brdf` of layers, with a BTDF |
 //! | [`bssrdf`] | the method `bssrdf` |
 //! | [`point_cloud`] | the method `point-cloud` |
 //! | [`film`] | pictures with a standard error in every pixel |
@@ -27,6 +28,7 @@ pub mod brdf;
 pub mod bssrdf;
 pub mod camera;
 pub mod film;
+pub mod layered;
 pub mod light;
 pub mod method;
 pub mod monte_carlo;
@@ -42,6 +44,7 @@ pub use brdf::{Brdf, Kind};
 pub use bssrdf::Bssrdf;
 pub use camera::{Camera, View};
 pub use film::{Estimate, Film};
+pub use layered::{Layered, Sheet};
 pub use light::{Light, Spot};
 pub use method::{Method, Picture};
 pub use monte_carlo::{MonteCarlo, Options};

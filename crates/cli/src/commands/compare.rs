@@ -2,25 +2,120 @@
 
 use super::print;
 use crate::args::{Common, CompareArgs};
-use pipeline::Result;
+use pipeline::difference::compare_files;
 use pipeline::rendering::{ChannelDifference, compare_pictures};
+use pipeline::{Error, Kind, Result};
 use report::{significant, text_table};
 use std::io::Write;
 
-/// Prints how far two pictures are apart.
+/// Prints how far two pictures, profiles or tables are apart.
 pub(crate) fn run(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()> {
     let CompareArgs { a, b, output } = args;
+    if a.extension().is_some_and(|e| e == "csv" || e == "json") {
+        if output.is_some() {
+            let message = "-o: only two pictures have a picture of their difference";
+            return Err(Error::new(Kind::Usage, message));
+        }
+        return files(args, common, out);
+    }
     let (found, full) = compare_pictures(a, b, output.as_deref(), common.force)?;
     if common.json {
         return print::json(out, &found);
     }
-    print::line(out, differences_table(&found))?;
+    print::line(out, differences_table(&found.channels))?;
+    if let Some(flip) = found.flip {
+        print::line(out, format!("mean HDR-FLIP {}", significant(flip, 3)))?;
+    }
+    let sigmas = |z: Option<f64>| z.map_or(String::new(), |z| format!("{z:+.1}"));
+    let rings: Vec<Vec<String>> = found
+        .rings
+        .iter()
+        .map(|ring| {
+            let (unit, [low, high]) = match ring.radius_mm {
+                Some(mm) => ("mm", mm),
+                None => ("px", ring.radius_px),
+            };
+            vec![
+                ring.channel.clone(),
+                format!("{} to {} {unit}", significant(low, 3), significant(high, 3)),
+                significant(ring.mean[0], 4),
+                significant(ring.mean[1], 4),
+                difference(ring.mean),
+                sigmas(ring.z),
+            ]
+        })
+        .collect();
+    let head = ["channel", "ring", "mean A", "mean B", "A over B", "sigma"];
+    print::line(out, text_table(&head, &rings).trim_end())?;
+    if !found.faces.is_empty() {
+        let faces: Vec<Vec<String>> = found
+            .faces
+            .iter()
+            .map(|face| {
+                let [x, y] = face.power;
+                vec![
+                    face.of.clone(),
+                    significant(x, 4),
+                    significant(y, 4),
+                    difference([x, y]),
+                    sigmas(face.z),
+                ]
+            })
+            .collect();
+        let head = ["face", "A, W", "B, W", "A over B", "sigma"];
+        print::line(out, text_table(&head, &faces).trim_end())?;
+    }
     if let (Some(output), Some(full)) = (output, full) {
         let full = significant(full, 3);
         print::line(
             out,
             format!("wrote {}: full red or blue at {full}", output.display()),
         )?;
+    }
+    Ok(())
+}
+
+/// The first over the second, as a difference in percent.
+fn difference([x, y]: [f64; 2]) -> String {
+    if y == 0.0 {
+        return String::new();
+    }
+    format!("{:+.2} %", 100.0 * (x / y - 1.0))
+}
+
+/// Two profiles or two tables.
+fn files(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()> {
+    let found = compare_files(&args.a, &args.b)?;
+    if common.json {
+        return print::json(out, &found);
+    }
+    let rows: Vec<Vec<String>> = found
+        .pairs
+        .iter()
+        .map(|pair| {
+            let [x, y] = pair.value;
+            vec![
+                pair.of.clone(),
+                pair.quantity.to_owned(),
+                significant(x, 4),
+                significant(y, 4),
+                difference(pair.value),
+                pair.z.map_or(String::new(), |z| format!("{z:+.1}")),
+            ]
+        })
+        .collect();
+    let head = ["of", "quantity", "A", "B", "A over B", "sigma"];
+    print::line(out, text_table(&head, &rows).trim_end())?;
+    let chi2 = found.chi2_per_pair.map_or(String::new(), |chi2| {
+        format!(", chi2 {} a value", significant(chi2, 3))
+    });
+    print::line(
+        out,
+        format!("rms {:.3} %{chi2}", 100.0 * found.relative_rms),
+    )?;
+    if !found.unmatched.is_empty() {
+        let what = found.unmatched.join(", ");
+        print::line(out, format!("only in one: {what}"))?;
     }
     Ok(())
 }

@@ -1,7 +1,9 @@
 //! Two pictures beside each other.
 
+use super::flip::hdr_flip;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, open, split};
+use crate::fit_json::SCHEMA_VERSION;
 use formats::{encode_png, read_radiance};
 use physics::{Frame, RadianceMap, Samples};
 use serde::Serialize;
@@ -32,17 +34,162 @@ pub struct ChannelDifference {
     pub median_relative_by_block: Option<f64>,
 }
 
-/// Reads two pictures, as `render`, `hdr` and `measure` write them.
+/// One ring of two pictures about where the light of the second is.
+#[derive(Clone, Debug, Serialize)]
+pub struct RingDifference {
+    /// Name of the channel.
+    pub channel: String,
+    /// Its edges, pixels.
+    pub radius_px: [f64; 2],
+    /// The same in mm, of a picture by parallel rays.
+    pub radius_mm: Option<[f64; 2]>,
+    /// Means of the first and the second.
+    pub mean: [f64; 2],
+    /// Difference over its standard error, where the pictures have some.
+    pub z: Option<f64>,
+}
+
+/// Light through one face, from the `NAME.json` beside the pictures.
+#[derive(Clone, Debug, Serialize)]
+pub struct FaceDifference {
+    /// Solid, face and channel.
+    pub of: String,
+    /// Powers of the first and the second, W.
+    pub power: [f64; 2],
+    /// Difference over its standard error.
+    pub z: Option<f64>,
+}
+
+/// How far two pictures are apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct PictureDifference {
+    schema_version: u32,
+    /// Channel by channel.
+    pub channels: Vec<ChannelDifference>,
+    /// Mean of HDR-FLIP over the pixels, 0 to 1, the second being the reference. None of pictures
+    /// told apart by components.
+    pub flip: Option<f64>,
+    /// Centre of the rings: that of the light of the second, pixels.
+    pub center_px: [f64; 2],
+    /// Rings of equal ratios.
+    pub rings: Vec<RingDifference>,
+    /// Faces, where both pictures have been made by following light from its lamp.
+    pub faces: Vec<FaceDifference>,
+}
+
+/// Rings of [`PictureDifference`].
+const RINGS: usize = 12;
+
+fn center(map: &RadianceMap) -> [f64; 2] {
+    let (mut sum, mut at) = (0.0, [0.0; 2]);
+    for channel in &map.channels {
+        for (i, value) in channel.value.iter().enumerate() {
+            let light = f64::from(*value).max(0.0);
+            sum += light;
+            at[0] += light * ((i % map.width) as f64 + 0.5);
+            at[1] += light * ((i / map.width) as f64 + 0.5);
+        }
+    }
+    if sum > 0.0 {
+        at.map(|x| x / sum)
+    } else {
+        [0.5 * map.width as f64, 0.5 * map.height as f64]
+    }
+}
+
+/// Means of two pictures in rings about `center`, px.
+fn rings(
+    a: &RadianceMap,
+    b: &RadianceMap,
+    center: [f64; 2],
+    mm_per_pixel: Option<f64>,
+) -> Vec<RingDifference> {
+    let far = [center[0], b.width as f64 - center[0]]
+        .map(|x| x.hypot(center[1].max(b.height as f64 - center[1])));
+    let far = far[0].max(far[1]).max(2.0);
+    let edge = |k: usize| {
+        if k == 0 {
+            0.0
+        } else {
+            far.powf(k as f64 / RINGS as f64)
+        }
+    };
+    let width = b.width;
+    let ring_of = |pixel: usize| {
+        let x = (pixel % width) as f64 + 0.5 - center[0];
+        let y = (pixel / width) as f64 + 0.5 - center[1];
+        let place = RINGS as f64 * x.hypot(y).max(1.0).ln() / far.ln();
+        (place as usize).min(RINGS - 1)
+    };
+    let mut found = vec![];
+    for (a, b) in a.channels.iter().zip(&b.channels) {
+        // Pixels, first, second, variance of their difference.
+        let mut sums = [[0.0; 4]; RINGS];
+        for i in 0..b.value.len() {
+            let sum = &mut sums[ring_of(i)];
+            sum[0] += 1.0;
+            sum[1] += f64::from(a.value[i]);
+            sum[2] += f64::from(b.value[i]);
+            sum[3] += f64::from(a.variance[i]) + f64::from(b.variance[i]);
+        }
+        for (k, [n, first, second, variance]) in sums.into_iter().enumerate() {
+            if n > 0.0 {
+                let known = variance > 0.0 && variance.is_finite();
+                let radius_px = [edge(k), edge(k + 1)];
+                found.push(RingDifference {
+                    channel: a.name.clone(),
+                    radius_px,
+                    radius_mm: mm_per_pixel.map(|mm| radius_px.map(|r| mm * r)),
+                    mean: [first / n, second / n],
+                    z: known.then(|| (first - second) / variance.sqrt()),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Powers through faces that both pictures have beside them.
+fn faces(a: &Path, b: &Path) -> Vec<FaceDifference> {
+    let read = |path: &Path| -> Vec<(String, f64, f64)> {
+        // A picture of another program, or of a camera, has nothing beside it.
+        let text = std::fs::read_to_string(path.with_extension("json")).unwrap_or_default();
+        let all: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let lines = all["faces"].as_array().cloned().unwrap_or_default();
+        let line = |line: &serde_json::Value| {
+            let name = |key: &str| line[key].as_str();
+            let of = format!("{} {} {}", name("object")?, name("face")?, name("channel")?);
+            let power = &line["power"];
+            Some((of, power["value"].as_f64()?, power["u"].as_f64()?))
+        };
+        lines.iter().filter_map(line).collect()
+    };
+    let second = read(b);
+    let both = read(a).into_iter().filter_map(|(of, x, u)| {
+        let (_, y, v) = second.iter().find(|(name, ..)| *name == of)?;
+        let u = u.hypot(*v);
+        Some(FaceDifference {
+            of,
+            power: [x, *y],
+            z: (u > 0.0 && u.is_finite()).then(|| (x - y) / u),
+        })
+    });
+    both.collect()
+}
+
+/// Reads two pictures, as `render`, `hdr` and `measure` write them, and the side of a pixel of the
+/// second, mm, where it has one.
 ///
 /// # Errors
 ///
 /// One cannot be read, or they differ in size or channels.
-pub fn read_pictures(a: &Path, b: &Path) -> Result<[RadianceMap; 2]> {
-    let read = |path: &Path| -> Result<RadianceMap> {
+pub fn read_pictures(a: &Path, b: &Path) -> Result<([RadianceMap; 2], Option<f64>)> {
+    let read = |path: &Path| -> Result<(RadianceMap, Option<f64>)> {
         let file = read_radiance(open(path)?).input(path.display())?;
-        Ok(file.map.into_owned())
+        Ok((file.map.into_owned(), file.mm_per_pixel))
     };
-    let maps = [read(a)?, read(b)?];
+    let ((a_map, _), (b_map, mm_per_pixel)) = (read(a)?, read(b)?);
+    let maps = [a_map, b_map];
     let size = |m: &RadianceMap| {
         format!(
             "{} x {} pixels of {}",
@@ -60,7 +207,7 @@ pub fn read_pictures(a: &Path, b: &Path) -> Result<[RadianceMap; 2]> {
         );
         return Err(Error::new(Kind::Input, message));
     }
-    Ok(maps)
+    Ok((maps, mm_per_pixel))
 }
 
 /// Compares two pictures of one size channel by channel.
@@ -112,6 +259,12 @@ pub fn differences(a: &RadianceMap, b: &RadianceMap) -> Vec<ChannelDifference> {
         .collect()
 }
 
+/// Mean of HDR-FLIP over the pixels.
+pub(super) fn mean_flip(test: &RadianceMap, reference: &RadianceMap) -> f64 {
+    let map = hdr_flip(test, reference);
+    map.iter().sum::<f64>() / map.len() as f64
+}
+
 /// First − second as a picture: gray where they agree, redder where the first is brighter and
 /// bluer where it is darker; the full colour is `full`, and the sum of the channels counts.
 pub(super) fn difference_frame(a: &RadianceMap, b: &RadianceMap) -> (Frame, f64) {
@@ -151,9 +304,19 @@ pub fn compare_pictures(
     b: &Path,
     picture: Option<&Path>,
     force: bool,
-) -> Result<(Vec<ChannelDifference>, Option<f64>)> {
-    let [first, second] = read_pictures(a, b)?;
-    let found = differences(&first, &second);
+) -> Result<(PictureDifference, Option<f64>)> {
+    let ([first, second], mm_per_pixel) = read_pictures(a, b)?;
+    let center_px = center(&second);
+    let shown = matches!(first.channels.len(), 1 | 3);
+    let flip = shown.then(|| mean_flip(&first, &second));
+    let found = PictureDifference {
+        schema_version: SCHEMA_VERSION,
+        channels: differences(&first, &second),
+        flip,
+        center_px,
+        rings: rings(&first, &second, center_px, mm_per_pixel),
+        faces: faces(a, b),
+    };
     let Some(picture) = picture else {
         return Ok((found, None));
     };
@@ -182,6 +345,24 @@ mod tests {
             }],
             mosaic: None,
         }
+    }
+
+    /// Rings about the light: what is brighter in one of them alone is found there.
+    #[test]
+    fn rings_are_about_the_light() {
+        let spot = |i: usize| if i == 8 * 3 + 5 { 1.0 } else { 0.0 };
+        let b = map(spot);
+        assert_eq!(center(&b), [5.5, 3.5]);
+        let a = map(|i| spot(i) + if i == 8 * 7 { 0.5 } else { 0.0 });
+        let found = rings(&a, &b, [5.5, 3.5], Some(0.1));
+        let off: Vec<_> = found.iter().filter(|r| r.mean[0] != r.mean[1]).collect();
+        let [ring] = off[..] else { panic!("{found:?}") };
+        // √(5² + 4²) pixels away.
+        assert!(ring.radius_px[0] <= 41.0_f64.sqrt() && 41.0_f64.sqrt() <= ring.radius_px[1]);
+        let pixels = 0.5 / (ring.mean[0] - ring.mean[1]);
+        let z = 0.5 / (pixels * 0.02).sqrt();
+        assert!((ring.z.unwrap() / z - 1.0).abs() < 1e-3, "{ring:?}");
+        assert!((ring.radius_mm.unwrap()[1] - 0.1 * ring.radius_px[1]).abs() < 1e-12);
     }
 
     #[test]

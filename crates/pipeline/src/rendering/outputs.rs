@@ -239,6 +239,7 @@ fn name(method: MethodChoice) -> String {
     match method {
         MethodChoice::MonteCarlo => "monte-carlo".to_owned(),
         MethodChoice::Brdf(kind) => format!("brdf {kind:?}").to_lowercase(),
+        MethodChoice::Layered => "brdf layered".to_owned(),
         MethodChoice::Bssrdf(model, _) => format!("bssrdf {}", model.name()),
         MethodChoice::PointCloud(model, gather) => {
             let gather = match gather {

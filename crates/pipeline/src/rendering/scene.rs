@@ -1,15 +1,16 @@
 //! From `SCENE.toml` and what lies beside it to a scene.
 
+use super::layers;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{open, read, read_text};
 use crate::library;
 use formats::mesh::{Triangles, read_obj, read_ply};
 use formats::scene_toml::{
-    self, CameraEntry, CameraKind, InlineMedium, LightEntry, LightKind, ObjectEntry, PerChannel,
-    RingsEntry, SceneFile, ShapeKind, UpAxis,
+    self, CameraEntry, CameraKind, InlineMedium, LightEntry, LightKind, Names, ObjectEntry,
+    PerChannel, RingsEntry, SceneFile, ShapeKind, UpAxis,
 };
 use formats::{materials_csv, materials_json};
-use physics::{Material as Row, Medium};
+use physics::{LayeredMedium, Material as Row, Medium};
 use render::camera::Lens;
 use render::{
     Block, Camera, HalfSpace, Lamp, Light, Material, Mesh, Object, Rings, Scene, Shape, Sphere,
@@ -30,6 +31,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// Rings to count in.
     pub rings: Option<Rings>,
+    /// Layers of the surface of each solid, by channel; none where it has none.
+    pub layers: Vec<Vec<LayeredMedium>>,
     /// What is odd.
     pub warnings: Vec<String>,
 }
@@ -50,13 +53,14 @@ pub fn load(path: &Path) -> Result<Loaded> {
     let mut inputs = vec![path.to_owned()];
     let mut warnings = vec![];
     let loaded = build(&file, folder, &mut inputs, &mut warnings);
-    let (scene, rings) = loaded.map_err(|e| e.within(path.display()))?;
+    let (scene, rings, layers) = loaded.map_err(|e| e.within(path.display()))?;
     Ok(Loaded {
         path: path.to_owned(),
         text,
         inputs,
         scene,
         rings,
+        layers,
         warnings,
     })
 }
@@ -66,10 +70,11 @@ fn build(
     folder: &Path,
     inputs: &mut Vec<PathBuf>,
     warnings: &mut Vec<String>,
-) -> Result<(Scene, Option<Rings>)> {
+) -> Result<(Scene, Option<Rings>, Vec<Vec<LayeredMedium>>)> {
     let camera = camera(&file.camera).map_err(|e| e.within("[camera]"))?;
     let mut channels: Option<Vec<String>> = None;
     let mut objects = vec![];
+    let mut layers = vec![];
     for (index, entry) in file.object.iter().enumerate() {
         let kind = match entry.shape {
             ShapeKind::HalfSpace => "half-space",
@@ -99,6 +104,7 @@ fn build(
             }
             _ => channels = Some(names),
         }
+        layers.push(layers_of(entry, &media, folder, inputs).map_err(within)?);
         objects.push(Object {
             name,
             shape,
@@ -124,7 +130,7 @@ fn build(
     .map_err(wrong)?;
     let rings = file.rings.as_ref().map(|entry| rings(entry, &scene));
     let rings = rings.transpose().map_err(|e| e.within("[rings]"))?;
-    Ok((scene, rings))
+    Ok((scene, rings, layers))
 }
 
 /// A value that the kind asks for.
@@ -274,6 +280,39 @@ fn material(
         }
         _ => Err(wrong("expected either `material` or `medium`")),
     }
+}
+
+/// The layers of each channel, or none.
+fn layers_of(
+    entry: &ObjectEntry,
+    media: &[Medium],
+    folder: &Path,
+    inputs: &mut Vec<PathBuf>,
+) -> Result<Vec<LayeredMedium>> {
+    let names = match &entry.layers {
+        None => return Ok(vec![]),
+        Some(Names::One(name)) => vec![name.clone(); media.len()],
+        Some(Names::Each(names)) if names.len() == media.len() => names.clone(),
+        Some(Names::Each(names)) => {
+            return Err(wrong(format!(
+                "`layers`: expected one name, or {} for the channels, found {}",
+                media.len(),
+                names.len()
+            )));
+        }
+    };
+    let all = names.iter().zip(media).map(|(name, medium)| {
+        let layers = layers::read(name, folder, inputs)?;
+        let eta = layers.layers.first().map_or(1.0, |layer| layer.eta);
+        if (eta - medium.eta).abs() > 1e-9 {
+            return Err(wrong(format!(
+                "its `eta` is {}, that of the first layer of {name} {eta}; its surface is one: give `eta = {eta}`",
+                medium.eta
+            )));
+        }
+        Ok(layers)
+    });
+    all.collect()
 }
 
 /// The channels of a material of the shipped table, or of a file followed by `#` and its name.

@@ -1,6 +1,6 @@
 //! All methods on one scene: pictures, and how far the models are from transport.
 
-use super::difference::{ChannelDifference, difference_frame, differences};
+use super::difference::{ChannelDifference, difference_frame, differences, mean_flip};
 use super::outputs::{developed, map, planes, radiance_file};
 use super::{BssrdfModel, Loaded, MethodChoice, RenderOptions, render};
 use crate::error::{Error, Kind, Result};
@@ -25,6 +25,8 @@ pub struct MethodLine {
     pub relative_error: f64,
     /// Against `monte-carlo`, by channel; none where that cannot render the scene.
     pub differences: Vec<ChannelDifference>,
+    /// Mean of HDR-FLIP against `monte-carlo`, of pictures of one or three channels.
+    pub flip: Option<f64>,
     /// Seconds on the clock; in no file.
     #[serde(skip)]
     pub seconds: f64,
@@ -39,7 +41,7 @@ pub struct Validation {
     pub left_out: Vec<String>,
 }
 
-fn methods() -> Vec<(String, MethodChoice)> {
+fn methods(layered: bool) -> Vec<(String, MethodChoice)> {
     let mut all = vec![("monte-carlo".to_owned(), MethodChoice::MonteCarlo)];
     for (name, model) in BssrdfModel::ALL {
         let choice = MethodChoice::Bssrdf(model, Sampling::Axes);
@@ -54,6 +56,9 @@ fn methods() -> Vec<(String, MethodChoice)> {
     }
     for (name, kind) in [("jensen", BrdfKind::Jensen), ("lambert", BrdfKind::Lambert)] {
         all.push((format!("brdf-{name}"), MethodChoice::Brdf(kind)));
+    }
+    if layered {
+        all.push(("brdf-layered".to_owned(), MethodChoice::Layered));
     }
     all
 }
@@ -71,7 +76,7 @@ pub fn validate(
     force: bool,
     monitor: &dyn Monitor,
 ) -> Result<Validation> {
-    let all = methods();
+    let all = methods(loaded.layers.iter().all(|layers| !layers.is_empty()));
     let endings = ["", "-difference"];
     let pictures = all.iter().flat_map(|(name, _)| {
         let pngs = endings.map(|ending| format!("{name}{ending}.png"));
@@ -116,6 +121,7 @@ pub fn validate(
             method: name.clone(),
             relative_error: picture.radiance.relative_error(),
             differences: vec![],
+            flip: None,
             seconds,
         };
         let mut row = ValidationRow {
@@ -130,6 +136,11 @@ pub fn validate(
         match &truth {
             Some(truth) => {
                 line.differences = differences(&picture_map, truth);
+                if matches!(truth.channels.len(), 1 | 3) {
+                    let flip = mean_flip(&picture_map, truth);
+                    row.lines.push(format!("HDR-FLIP {}", significant(flip, 3)));
+                    line.flip = Some(flip);
+                }
                 for d in &line.differences {
                     row.lines.push(format!(
                         "{}: mean {} of transport's, rms beyond noise {} %, median block {} %",
