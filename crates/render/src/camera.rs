@@ -275,10 +275,10 @@ impl Window<'_> {
         let across = offset - offset.dot(normal) * normal;
         let distance = across.length();
         // Snell's law along the way: depth tan θᵢ + height tan θₒ = distance, by Newton in
-        // t = tan θₒ, in which the left side grows and bends downward: from the left it never
-        // overshoots.
+        // t = tan θₒ, in which the left side grows and bends downward: it never overshoots. The
+        // start is right near the normal.
         let inner_tan = |t: f64| t / (eta * eta + (eta * eta - 1.0) * t * t).sqrt();
-        let mut t = distance / (height + depth);
+        let mut t = distance / (height + depth / eta);
         if eta < 1.0 {
             // Inside there is no total reflection then; t is limited instead.
             t = t.min(0.999_999 * eta / (1.0 - eta * eta).sqrt());

@@ -12,7 +12,9 @@
 //! | [`light`] | beams, distant, point and area lights, an even sky |
 //! | [`scene`] | [`Scene`]: all of it together, checked |
 //! | [`walk`] | the random walk of a photon inside a solid |
+//! | [`leap`] | many steps of such a walk at once, where no surface is near |
 //! | [`photons`] | `monte-carlo` from the lights, connected to the camera through flat faces |
+//! | `guide` | how light photons should be, and so how many, far from a beam |
 //! | [`paths`] | `monte-carlo` from the camera |
 //! | [`monte_carlo`] | the method `monte-carlo`: which light goes which way |
 //! | [`method`] | [`Method`]: what all ways to a picture have in common |
@@ -28,7 +30,9 @@ pub mod brdf;
 pub mod bssrdf;
 pub mod camera;
 pub mod film;
+mod guide;
 pub mod layered;
+pub mod leap;
 pub mod light;
 pub mod method;
 pub mod monte_carlo;

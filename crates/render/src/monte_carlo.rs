@@ -9,7 +9,7 @@ use crate::film::Film;
 use crate::light::Light;
 use crate::method::{Method, Picture, Planes};
 use crate::paths::{self, Wanted};
-use crate::photons::{Ledger, Photons, Rings};
+use crate::photons::{Ledger, Photons, Rings, SEEN_DEPTH};
 use crate::scene::{Scene, SceneError};
 
 /// How a picture is made.
@@ -44,6 +44,8 @@ pub struct MonteCarlo<'a> {
     from_lamps: Vec<bool>,
     wanted: Wanted,
     ledger: Ledger,
+    guided: bool,
+    seen_depth: f64,
 }
 
 impl<'a> MonteCarlo<'a> {
@@ -76,6 +78,8 @@ impl<'a> MonteCarlo<'a> {
             },
             from_lamps,
             ledger,
+            guided: true,
+            seen_depth: SEEN_DEPTH,
             options,
         })
     }
@@ -118,6 +122,8 @@ impl Method for MonteCarlo<'_> {
                 seed: self.options.seed,
                 rings: self.options.rings.as_ref(),
                 ledger: self.ledger.clone(),
+                guided: self.guided,
+                seen_depth: self.seen_depth,
             };
             photons.round(index, plane, &mut radiance, &mut powers);
         }
@@ -133,18 +139,19 @@ impl Method for MonteCarlo<'_> {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Lens, View};
+    use crate::light::Spot;
     use crate::scene::{Lamp, Material, Object};
     use crate::shape::{Block, Shape};
     use crate::{Estimate, Vec3};
     use physics::Medium;
     use std::ops::{ControlFlow, Range};
 
-    /// A small block under a lamp, seen from a corner: its walls show in the picture, and mirror
-    /// images of what scatters near them.
-    fn scene(lens: Lens) -> Scene {
+    /// A block of `size` transport lengths or so under a light, seen from a corner: its walls show
+    /// in the picture, and mirror images of what scatters near them.
+    fn scene(lens: Lens, size: f64, light: Light) -> Scene {
         let medium = Medium {
-            sigma_a: 0.05,
-            sigma_s: 0.7,
+            sigma_a: 0.05 * size,
+            sigma_s: 0.7 * size,
             g: 0.4,
             eta: 1.5,
         };
@@ -168,11 +175,7 @@ mod tests {
                 },
             }],
             lamps: vec![Lamp {
-                light: Light::Area {
-                    corner: Vec3::new(-6.0, -6.0, 3.0),
-                    u: Vec3::new(0.0, 12.0, 0.0),
-                    v: Vec3::new(12.0, 0.0, 0.0),
-                },
+                light,
                 strength: vec![1.0],
             }],
             camera: Camera::new(view, lens).unwrap(),
@@ -181,14 +184,53 @@ mod tests {
         .unwrap()
     }
 
-    /// From the lamp and from the camera the same picture, in all of its components.
+    const LAMP: Light = Light::Area {
+        corner: Vec3::new(-6.0, -6.0, 3.0),
+        u: Vec3::new(0.0, 12.0, 0.0),
+        v: Vec3::new(12.0, 0.0, 0.0),
+    };
+
+    /// Two pictures of the same light are the same, in both components of what scattered.
+    fn agree(what: &str, pixels: usize, a: &Picture, b: &Picture) {
+        let (mut chi2, mut lit) = (0.0, 0);
+        // Of each component: of the one, of the other, variance of the difference.
+        let mut sums = [[0.0; 3]; 3];
+        for index in 0..a.radiance.len() {
+            let x: Estimate = a.radiance.estimate(index);
+            let y: Estimate = b.radiance.estimate(index);
+            sums[index / pixels][0] += x.value;
+            sums[index / pixels][1] += y.value;
+            let u2 = x.u * x.u + y.u * y.u;
+            sums[index / pixels][2] += u2;
+            // What did not scatter is found the same way by both.
+            if index < 2 * pixels && y.value > 5.0 * y.u {
+                lit += 1;
+                chi2 += (x.value - y.value).powi(2) / u2;
+            }
+        }
+        println!("{what}: chi2 {chi2:.1} of {lit}, {sums:?}");
+        assert!(lit > 10, "{what}: {lit}");
+        let expected = f64::from(lit);
+        assert!(
+            (chi2 - expected).abs() < 4.0 * (2.0 * expected).sqrt(),
+            "{what}: {chi2} of {lit}"
+        );
+        for [x, y, u2] in &sums[..2] {
+            let u = u2.sqrt();
+            assert!((x - y).abs() < 3.5 * u && u < 0.05 * x, "{what}: {sums:?}");
+        }
+    }
+
+    /// From the lamp and from the camera the same picture, in all of its components: in a small
+    /// block, and in one so thick that most of the way inside is leapt.
     #[test]
     fn both_directions_make_one_picture() {
-        for lens in [
-            Lens::Orthographic { height: 4.0 },
-            Lens::Pinhole { field: 0.24 },
+        for (lens, size, rounds) in [
+            (Lens::Orthographic { height: 4.0 }, 1.0, [30, 4_000]),
+            (Lens::Pinhole { field: 0.24 }, 1.0, [30, 4_000]),
+            (Lens::Pinhole { field: 0.24 }, 12.0, [30, 6_000]),
         ] {
-            let scene = scene(lens);
+            let scene = scene(lens, size, LAMP);
             let options = Options {
                 components: true,
                 photons: 2000,
@@ -197,51 +239,59 @@ mod tests {
             let from_lamp = MonteCarlo::new(&scene, options.clone()).unwrap();
             assert_eq!(from_lamp.from_lamps, [true]);
             let mut a = from_lamp.empty();
-            from_lamp.run(0..30, &mut a, &mut |_| ControlFlow::Continue(()));
+            from_lamp.run(0..rounds[0], &mut a, &mut |_| ControlFlow::Continue(()));
 
             let mut from_camera = MonteCarlo::new(&scene, options).unwrap();
             from_camera.from_lamps = vec![false];
             from_camera.wanted.scattered = vec![true];
             let mut b = from_camera.empty();
-            from_camera.run(0..5_000, &mut b, &mut |_| ControlFlow::Continue(()));
+            from_camera.run(0..rounds[1], &mut b, &mut |_| ControlFlow::Continue(()));
+            agree(&format!("{lens:?}, {size}"), scene.pixels(), &a, &b);
+        }
+    }
 
-            let pixels = scene.pixels();
-            let (mut chi2, mut lit) = (0.0, 0);
-            // Of each component: from the lamp, from the camera, variance of the difference.
-            let mut sums = [[0.0; 3]; 3];
-            for index in 0..a.radiance.len() {
-                let x: Estimate = a.radiance.estimate(index);
-                let y: Estimate = b.radiance.estimate(index);
-                sums[index / pixels][0] += x.value;
-                sums[index / pixels][1] += y.value;
-                let u2 = x.u * x.u + y.u * y.u;
-                sums[index / pixels][2] += u2;
-                // What did not scatter is found the same way by both.
-                if index < 2 * pixels && y.value > 5.0 * y.u {
-                    lit += 1;
-                    chi2 += (x.value - y.value).powi(2) / u2;
-                }
-            }
-            println!("{lens:?}: chi2 {chi2:.1} of {lit}, {sums:?}");
-            assert!(lit > 40, "{lit}");
-            let expected = f64::from(lit);
-            assert!(
-                (chi2 - expected).abs() < 4.0 * (2.0 * expected).sqrt(),
-                "{lens:?}: {chi2} of {lit}"
-            );
-            for [x, y, u2] in &sums[..2] {
-                let u = u2.sqrt();
-                assert!(
-                    (x - y).abs() < 3.5 * u && u < 0.03 * x,
-                    "{lens:?}: {sums:?}"
-                );
-            }
+    /// Splitting far from a beam and leaps change no mean, of pixels or of powers.
+    #[test]
+    fn photons_as_they_come_make_the_same_picture() {
+        let beam = Light::Beam {
+            from: Vec3::new(-0.8, -0.5, 3.0),
+            direction: Vec3::NEG_Z,
+            spot: Spot::Disk(0.1),
+        };
+        let scene = scene(Lens::Orthographic { height: 4.0 }, 40.0, beam);
+        let pictures = [false, true].map(|plain| {
+            let options = Options {
+                components: true,
+                photons: 10_000,
+                ..Options::default()
+            };
+            let mut method = MonteCarlo::new(&scene, options).unwrap();
+            // Leaps as near to the surface as can be, or none.
+            method.guided = !plain;
+            method.seen_depth = if plain { f64::INFINITY } else { 0.0 };
+            let mut picture = method.empty();
+            method.run(0..60, &mut picture, &mut |_| ControlFlow::Continue(()));
+            picture
+        });
+        let [guided, plain] = &pictures;
+        agree("plain", scene.pixels(), guided, plain);
+        let sum = |p: &Picture| {
+            let diffuse = (scene.pixels()..2 * scene.pixels()).map(|i| p.radiance.estimate(i));
+            diffuse.map(|e| e.value).sum::<f64>()
+        };
+        // A pixel has noise enough to hide what is lost where light is leapt over.
+        let ratio = sum(guided) / sum(plain);
+        assert!((ratio - 1.0).abs() < 0.012, "{ratio}");
+        for index in 0..guided.powers.len() {
+            let [x, y] = [guided, plain].map(|p| p.powers.estimate(index));
+            let u = x.u.hypot(y.u);
+            assert!((x.value - y.value).abs() <= 4.0 * u, "{index}: {x:?} {y:?}");
         }
     }
 
     #[test]
     fn a_picture_is_its_seed_whatever_the_threads() {
-        let scene = scene(Lens::Orthographic { height: 4.0 });
+        let scene = scene(Lens::Orthographic { height: 4.0 }, 1.0, LAMP);
         let options = Options {
             photons: 50,
             ..Options::default()

@@ -2,8 +2,9 @@
 
 use crate::Vec3;
 use crate::boundary::part;
+use crate::leap::{self, Leaps};
 use crate::scene::Scene;
-use crate::walk::{End, Photon, wander};
+use crate::walk::{End, Ground, Photon, ROULETTE_DEPTH, Visitor, wander};
 use physics::random::{Stream, stream, uniform};
 use std::ops::ControlFlow;
 
@@ -25,17 +26,40 @@ pub struct Wanted {
     pub unscattered: Vec<bool>,
 }
 
-/// Follows light back from `origin`: what the first surface mirrors and what it lets in, each
-/// with its share. `add` is told what either way found.
+/// Counts scatterings.
+struct Counter {
+    order: u32,
+    goes_on: bool,
+}
+
+impl Visitor for Counter {
+    fn scatters(&mut self, _: &mut Photon, _: bool, _: &mut Stream) -> ControlFlow<()> {
+        self.order += 1;
+        if self.goes_on {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    }
+
+    fn leapt(&mut self, scatterings: u32) {
+        self.order += scatterings;
+    }
+}
+
+/// Follows light back from the origin and direction of `ray`: what the first surface mirrors and what it lets in, each
+/// with its share. `leaps` has those of each solid and, within it, channel; `add` is told what
+/// either way found.
 pub fn radiance(
     scene: &Scene,
     channel: usize,
-    origin: Vec3,
-    direction: Vec3,
+    ray: (Vec3, Vec3),
     wanted: &Wanted,
+    leaps: &mut [Leaps],
     rng: &mut Stream,
     mut add: impl FnMut(Found),
 ) {
+    let (origin, direction) = ray;
     let entered = scene.enter(origin, direction);
     let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
     if let Some(value) = scene.lit(channel, origin, direction, within, &wanted.unscattered) {
@@ -56,13 +80,13 @@ pub fn radiance(
     };
     // Both ways, not one by chance: a lamp in a mirror of a few per cent would be all noise.
     if parting.reflectance > 0.0 {
-        let mut found = path.clone().outside(at, parting.reflected, rng);
+        let mut found = path.clone().outside(at, parting.reflected, leaps, rng);
         found.value *= parting.reflectance;
         add(found);
     }
     if parting.reflectance < 1.0 {
-        let mut found = match path.inside(object, at, parting.refracted, rng) {
-            Some((origin, direction)) => path.outside(origin, direction, rng),
+        let mut found = match path.inside(object, at, parting.refracted, leaps, rng) {
+            Some((origin, direction)) => path.outside(origin, direction, leaps, rng),
             None => path.nothing(),
         };
         found.value *= 1.0 - parting.reflectance;
@@ -93,7 +117,13 @@ impl Path<'_> {
     }
 
     /// From a point outside of all solids to a lamp, or to nothing.
-    fn outside(mut self, mut origin: Vec3, mut direction: Vec3, rng: &mut Stream) -> Found {
+    fn outside(
+        mut self,
+        mut origin: Vec3,
+        mut direction: Vec3,
+        leaps: &mut [Leaps],
+        rng: &mut Stream,
+    ) -> Found {
         loop {
             let entered = self.scene.enter(origin, direction);
             let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
@@ -120,7 +150,7 @@ impl Path<'_> {
                 direction = parting.reflected;
                 continue;
             }
-            match self.inside(object, origin, parting.refracted, rng) {
+            match self.inside(object, origin, parting.refracted, leaps, rng) {
                 Some(out) => (origin, direction) = out,
                 None => return self.nothing(),
             }
@@ -130,28 +160,30 @@ impl Path<'_> {
     /// Through a solid, from just inside its surface to where it leaves, if it does.
     fn inside(
         &mut self,
-        object: usize,
+        index: usize,
         at: Vec3,
         direction: Vec3,
+        leaps: &mut [Leaps],
         rng: &mut Stream,
     ) -> Option<(Vec3, Vec3)> {
-        let object = &self.scene.objects[object];
+        let object = &self.scene.objects[index];
         let mut photon = Photon {
             at,
             direction,
             depth: self.depth,
         };
-        let goes_on = self.wanted.scattered.contains(&true);
-        let order = &mut self.order;
-        let medium = &object.material.media[self.channel];
-        let end = wander(&object.shape, medium, &mut photon, rng, &mut |_| {
-            *order += 1;
-            if goes_on {
-                ControlFlow::Continue(())
-            } else {
-                ControlFlow::Break(())
-            }
-        });
+        let ground = Ground {
+            shape: &object.shape,
+            medium: &object.material.media[self.channel],
+            leaps: &mut leaps[index * self.scene.channels.len() + self.channel],
+            roulette: photon.depth + ROULETTE_DEPTH,
+        };
+        let mut counter = Counter {
+            order: self.order,
+            goes_on: self.wanted.scattered.contains(&true),
+        };
+        let end = wander(ground, &mut photon, rng, &mut counter);
+        self.order = counter.order;
         if self.seen == 0 {
             self.seen = self.order;
         }
@@ -179,18 +211,19 @@ pub(crate) fn round(
     } else {
         16
     };
+    let mut leaps = leap::of_scene(scene, seed, index);
     for pixel in 0..pixels {
         let mut rng = stream(seed, &[1, index, pixel as u64]);
         for _ in 0..samples {
             let x = (pixel % width) as f64 + uniform(&mut rng);
             let y = (pixel / width) as f64 + uniform(&mut rng);
-            let (origin, direction) = scene.camera.ray(x, y);
+            let ray = scene.camera.ray(x, y);
             for channel in 0..scene.channels.len() {
                 let add = |found: Found| {
                     let at = plane(channel, found.order) * pixels + pixel;
                     round[at] += found.value / f64::from(samples);
                 };
-                radiance(scene, channel, origin, direction, wanted, &mut rng, add);
+                radiance(scene, channel, ray, wanted, &mut leaps, &mut rng, add);
             }
         }
     }

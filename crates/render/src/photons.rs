@@ -6,10 +6,12 @@
 
 use crate::boundary::part;
 use crate::camera::{Camera, Window};
+use crate::guide::Guide;
+use crate::leap::{self, Leaps};
 use crate::light::Reach;
 use crate::scene::Scene;
 use crate::shape::{Block, Shape};
-use crate::walk::{End, Photon, wander};
+use crate::walk::{End, Ground, Photon, ROULETTE_DEPTH, Visitor, scatter, wander};
 use crate::{Vec3, shape};
 use physics::random::{Stream, stream, uniform};
 use physics::{HenyeyGreenstein, Medium, PhaseFunction, fresnel};
@@ -109,10 +111,35 @@ pub(crate) struct Photons<'a> {
     pub(crate) seed: u64,
     pub(crate) rings: Option<&'a Rings>,
     pub(crate) ledger: Ledger,
+    /// Whether photons far from a beam are made light and many.
+    pub(crate) guided: bool,
+    /// Optical depth within which no scattering is leapt over.
+    pub(crate) seen_depth: f64,
 }
 
 /// How much optical depth a connection may have before roulette begins.
-const SURE_DEPTH: f64 = 3.0;
+const SURE_DEPTH: f64 = 1.0;
+/// Optical depth within which a scattering is best not leapt over.
+pub(crate) const SEEN_DEPTH: f64 = 4.0;
+/// Optical depth beyond the sure one that roulette never lets through: a share of 1e-14.
+const NEVER: f64 = 33.0;
+
+/// What the photons of a lamp in a channel have in common.
+struct Source<'a> {
+    channel: usize,
+    lamp: usize,
+    power: f64,
+    reach: Reach,
+    windows: &'a [Vec<Window<'a>>],
+    guide: Option<&'a Guide>,
+}
+
+/// A photon in a solid, in which it has scattered so often.
+struct Inside {
+    photon: Photon,
+    object: usize,
+    order: u32,
+}
 
 struct Splat<'a, F> {
     picture: &'a mut [f64],
@@ -130,6 +157,7 @@ impl Photons<'_> {
         powers: &mut [f64],
     ) {
         let reach = self.scene.reach();
+        let mut leaps = leap::of_scene(self.scene, self.seed, index);
         let mut splat = Splat {
             picture,
             plane,
@@ -143,82 +171,86 @@ impl Photons<'_> {
                     continue;
                 }
                 let mut rng = stream(self.seed, &[2, index, channel as u64, lamp as u64]);
-                for _ in 0..self.photons {
-                    let power = strength / self.photons as f64;
-                    self.follow(
-                        channel, lamp, power, reach, &windows, &mut rng, &mut splat, powers,
-                    );
+                let guide = self
+                    .guided
+                    .then(|| Guide::new(self.scene, channel, lamp))
+                    .flatten();
+                let photons = guide
+                    .as_ref()
+                    .map_or(self.photons, |guide| guide.fewer(self.photons));
+                let source = Source {
+                    channel,
+                    lamp,
+                    power: strength / photons as f64,
+                    reach,
+                    windows: &windows,
+                    guide: guide.as_ref(),
+                };
+                for _ in 0..photons {
+                    self.follow(&source, &mut leaps, &mut rng, &mut splat, powers);
                 }
             }
         }
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "all of it changes from photon to photon"
-    )]
     fn follow(
         &self,
-        channel: usize,
-        lamp: usize,
-        power: f64,
-        reach: Reach,
-        windows: &[Vec<Window<'_>>],
+        source: &Source<'_>,
+        leaps: &mut [Leaps],
         rng: &mut Stream,
         splat: &mut Splat<'_, impl Fn(usize, u32) -> usize>,
         powers: &mut [f64],
     ) {
-        let ray = self.scene.lamps[lamp].light.emit(reach, rng);
-        let power = power * ray.power;
+        let ray = self.scene.lamps[source.lamp].light.emit(source.reach, rng);
+        let power = source.power * ray.power;
         if power == 0.0 {
             return;
         }
-        let mut photon = Photon {
+        let channel = source.channel;
+        let mut count = |entry, power: f64| powers[self.ledger.index(channel, entry)] += power;
+        let photon = Photon {
             at: ray.origin,
             direction: ray.direction,
             depth: 0.0,
         };
-        let mut count = |entry, power: f64| powers[self.ledger.index(channel, entry)] += power;
-        while let Some((index, hit)) = self.scene.enter(photon.at, photon.direction) {
+        let mut waiting: Vec<Inside> = vec![];
+        waiting.extend(self.arrive(channel, power, photon, rng, &mut count));
+        while let Some(Inside {
+            mut photon,
+            object: index,
+            order,
+        }) = waiting.pop()
+        {
             let object = &self.scene.objects[index];
             let medium = &object.material.media[channel];
-            photon.at += hit.distance * photon.direction;
-            let parting = part(photon.direction, hit.normal, medium.eta);
+            let guide = source.guide.filter(|guide| guide.holds(index));
+            let ground = Ground {
+                shape: &object.shape,
+                medium,
+                leaps: &mut leaps[index * self.scene.channels.len() + channel],
+                roulette: if guide.is_some() {
+                    f64::INFINITY
+                } else {
+                    photon.depth + ROULETTE_DEPTH
+                },
+            };
+            let mut watch = Watch {
+                photons: self,
+                source,
+                splat,
+                waiting: &mut waiting,
+                guide,
+                index,
+                medium,
+                power,
+                order,
+                own: stream_of(rng),
+                ball: Ball::default(),
+            };
+            let end = wander(ground, &mut photon, rng, &mut watch);
             let weight = power * (-photon.depth).exp();
-            if parting.reflectance >= 1.0 || uniform(rng) < parting.reflectance {
-                count(Entry::Specular, weight);
-                photon.direction = parting.reflected;
-                continue;
-            }
-            count(Entry::Entered, weight);
-            photon.direction = parting.refracted;
-            let mut order = 0;
-            let mut own = stream_of(rng);
-            let end = wander(&object.shape, medium, &mut photon, rng, &mut |photon| {
-                order += 1;
-                for window in &windows[index] {
-                    let depth = window.depth(photon.at);
-                    let limit = SURE_DEPTH / medium.sigma_t();
-                    // The roulette of connections: none is tried beyond a random optical depth.
-                    let least = window.least_length(depth);
-                    // exp(-33) is never drawn.
-                    if least > 12.0 * limit {
-                        continue;
-                    }
-                    let most = limit - (1.0 - uniform(&mut own)).ln() / medium.sigma_t();
-                    if least > most {
-                        continue;
-                    }
-                    self.connect(index, medium, window, photon, most, |pixel, value| {
-                        let plane = (splat.plane)(channel, order);
-                        splat.picture[plane * splat.pixels + pixel] += power * value;
-                    });
-                }
-                ControlFlow::Continue(())
-            });
             match end {
                 End::Left(hit) => {
-                    let weight = power * (-photon.depth).exp();
                     let face = object.shape.counted_face(&hit);
                     count(
                         Entry::Face {
@@ -237,17 +269,45 @@ impl Photons<'_> {
                             count(Entry::Ring(above - 1), weight);
                         }
                     }
+                    waiting.extend(self.arrive(channel, power, photon, rng, &mut count));
                 }
-                End::Stopped => return,
-                End::Lost => {
-                    count(Entry::Lost, power * (-photon.depth).exp());
-                    return;
-                }
+                End::Stopped => {}
+                End::Lost => count(Entry::Lost, weight),
             }
         }
     }
 
-    /// All ways from a scattering through one face to the camera, of at most `most` mm inside.
+    /// Follows a photon outside of all solids to where it is just inside of one, if it gets there.
+    fn arrive(
+        &self,
+        channel: usize,
+        power: f64,
+        mut photon: Photon,
+        rng: &mut Stream,
+        count: &mut impl FnMut(Entry, f64),
+    ) -> Option<Inside> {
+        let weight = power * (-photon.depth).exp();
+        while let Some((object, hit)) = self.scene.enter(photon.at, photon.direction) {
+            photon.at += hit.distance * photon.direction;
+            let eta = self.scene.eta(object, channel);
+            let parting = part(photon.direction, hit.normal, eta);
+            if parting.reflectance >= 1.0 || uniform(rng) < parting.reflectance {
+                count(Entry::Specular, weight);
+                photon.direction = parting.reflected;
+                continue;
+            }
+            count(Entry::Entered, weight);
+            photon.direction = parting.refracted;
+            return Some(Inside {
+                photon,
+                object,
+                order: 0,
+            });
+        }
+        None
+    }
+
+    /// All ways from a scattering through one face to the camera, as far as roulette has it.
     #[inline]
     fn connect(
         &self,
@@ -255,9 +315,10 @@ impl Photons<'_> {
         medium: &Medium,
         window: &Window<'_>,
         photon: &Photon,
-        most: f64,
+        reached: Reached,
         mut add: impl FnMut(usize, f64),
     ) {
+        let Reached { most, sure } = reached;
         let shape = &self.scene.objects[object].shape;
         let mut one = |image: Image| {
             let depth = window.depth(image.at);
@@ -289,7 +350,7 @@ impl Photons<'_> {
             }
             let depth = medium.sigma_t() * way.length;
             // What roulette let through stands for what it took.
-            let kept = (depth - SURE_DEPTH).max(0.0);
+            let kept = (depth - sure).max(0.0);
             let value = phase
                 * mirrors
                 * (kept - depth - photon.depth).exp()
@@ -318,6 +379,141 @@ impl Photons<'_> {
                     .enter(exit, outer)
                     .is_some_and(|hit| hit.distance < length)
         })
+    }
+}
+
+/// How far a connection may go.
+#[derive(Clone, Copy)]
+struct Reached {
+    /// Length inside, mm.
+    most: f64,
+    /// Optical depth to which any would have been tried.
+    sure: f64,
+}
+
+/// A way through a ball that was not leapt over, because its scatterings are to be seen.
+#[derive(Clone, Copy)]
+struct Ball {
+    /// Optical depth up to which connections are sure.
+    sure: f64,
+    /// One over the probability of not leaping.
+    factor: f64,
+}
+
+impl Default for Ball {
+    fn default() -> Self {
+        Self {
+            sure: SURE_DEPTH,
+            factor: 1.0,
+        }
+    }
+}
+
+/// Connects the scatterings of a photon to the camera, and splits it.
+struct Watch<'a, 'b, F> {
+    photons: &'a Photons<'a>,
+    source: &'a Source<'a>,
+    splat: &'a mut Splat<'b, F>,
+    waiting: &'a mut Vec<Inside>,
+    guide: Option<&'a Guide>,
+    index: usize,
+    medium: &'a Medium,
+    power: f64,
+    order: u32,
+    own: Stream,
+    ball: Ball,
+}
+
+impl<F> Watch<'_, '_, F> {
+    fn windows(&self) -> &[Window<'_>] {
+        &self.source.windows[self.index]
+    }
+}
+
+impl<F: Fn(usize, u32) -> usize> Visitor for Watch<'_, '_, F> {
+    #[inline]
+    fn scatters(
+        &mut self,
+        photon: &mut Photon,
+        in_ball: bool,
+        rng: &mut Stream,
+    ) -> ControlFlow<()> {
+        self.order += 1;
+        let Ball { sure, factor } = if in_ball { self.ball } else { Ball::default() };
+        let sigma_t = self.medium.sigma_t();
+        for window in &self.source.windows[self.index] {
+            let depth = window.depth(photon.at);
+            // The roulette of connections: none is tried beyond a random optical depth.
+            let least = sigma_t * window.least_length(depth);
+            if least > sure + NEVER {
+                continue;
+            }
+            let most = sure - (1.0 - uniform(&mut self.own)).ln();
+            if least > most {
+                continue;
+            }
+            let (splat, power, channel) = (&mut *self.splat, self.power, self.source.channel);
+            let order = self.order;
+            let reach = Reached {
+                most: most / sigma_t,
+                sure,
+            };
+            let add = |pixel, value: f64| {
+                let plane = (splat.plane)(channel, order);
+                splat.picture[plane * splat.pixels + pixel] += power * factor * value;
+            };
+            self.photons
+                .connect(self.index, self.medium, window, photon, reach, add);
+        }
+        // What waits would not know of the ball.
+        if let Some(guide) = self.guide.filter(|_| !in_ball) {
+            let windows = self.windows().iter();
+            let below = windows
+                .map(|w| w.depth(photon.at))
+                .fold(f64::INFINITY, f64::min)
+                .max(0.0);
+            match guide.split(photon, below, rng) {
+                0 => return ControlFlow::Break(()),
+                number => self.waiting.extend((1..number).map(|_| Inside {
+                    photon: Photon {
+                        direction: scatter(photon.direction, self.medium.g, rng),
+                        ..*photon
+                    },
+                    object: self.index,
+                    order: self.order,
+                })),
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn leapt(&mut self, scatterings: u32) {
+        self.order += scatterings;
+    }
+
+    fn unseen(&self, at: Vec3) -> f64 {
+        let seen = self.photons.seen_depth / self.medium.sigma_t();
+        let windows = self.windows().iter();
+        let depths = windows.map(|w| w.depth(at) - seen / w.least_length(1.0));
+        depths.fold(f64::INFINITY, f64::min)
+    }
+
+    fn leaps(&mut self, photon: &Photon, radius: f64, _: &mut Stream) -> bool {
+        // Connections from within the ball are as rare as roulette would have them from its
+        // nearest point: all of them, or none.
+        let windows = self.windows().iter();
+        let lengths = windows.map(|w| w.least_length(w.depth(photon.at) - radius));
+        let nearest = self.medium.sigma_t() * lengths.fold(f64::INFINITY, f64::min);
+        let sure = nearest.max(SURE_DEPTH);
+        let walks = (SURE_DEPTH - sure).exp();
+        if uniform(&mut self.own) >= walks {
+            return true;
+        }
+        self.ball = Ball {
+            sure,
+            factor: 1.0 / walks,
+        };
+        false
     }
 }
 
@@ -389,27 +585,23 @@ fn images(
             return 0..=0;
         }
         let (below, above) = (at[axis] - block.min[axis], block.max[axis] - at[axis]);
-        let reach = match window.inner() {
-            // Light goes one way along the axis: only images behind it.
+        // How far along the axis a way may go, downward and upward: images lie the other way.
+        let [down, up] = match window.inner() {
             Some(inner) => {
-                [(inner[axis] > 0.0, below), (inner[axis] < 0.0, above)].map(|(possible, wall)| {
-                    if possible {
-                        most * inner[axis].abs() - wall
-                    } else {
-                        -1.0
-                    }
-                })
+                let along = most * inner[axis].abs();
+                [inner[axis] < 0.0, inner[axis] > 0.0].map(|possible| f64::from(possible) * along)
             }
-            None => [most - below, most - above],
+            None => [most; 2],
         };
-        let count = |reach: f64| {
-            if reach < 0.0 {
+        // The second image is a mirror image of the first, so as far behind it as the far wall.
+        let count = |reach: f64, wall: f64| {
+            if reach < wall {
                 0
             } else {
-                1 + (reach / sizes[axis]) as i64
+                1 + ((reach - below.min(above)) / sizes[axis]) as i64
             }
         };
-        -count(reach[0])..=count(reach[1])
+        -count(up, below)..=count(down, above)
     });
     // Behind: from the face to the opposite one and back.
     let upper = window.faces_up();

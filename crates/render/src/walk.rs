@@ -6,6 +6,7 @@
 
 use crate::Vec3;
 use crate::boundary::part;
+use crate::leap::Leaps;
 use crate::shape::{Hit, Shape, Solid};
 use physics::Medium;
 use physics::random::{Stream, uniform};
@@ -33,46 +34,82 @@ pub enum End {
     Lost,
 }
 
-/// Depth from which roulette is played: a weight of 1e-4.
-const ROULETTE_DEPTH: f64 = 9.2;
+/// Further depth from which roulette is played, unless the visitor sees to it: a weight of 1e-4.
+pub const ROULETTE_DEPTH: f64 = 9.2;
 /// Share that survives it, ten times as heavy.
 const SURVIVAL: f64 = 0.1;
 
+/// Who watches a walk.
+pub trait Visitor {
+    /// The photon has come to a scattering and is not turned yet; its weight may be changed.
+    /// `in_ball` says that it is on a way for which [`Self::leaps`] said no.
+    fn scatters(&mut self, photon: &mut Photon, in_ball: bool, rng: &mut Stream)
+    -> ControlFlow<()>;
+
+    /// Radius of a ball around a point in which scatterings may go unseen.
+    fn unseen(&self, _at: Vec3) -> f64 {
+        f64::INFINITY
+    }
+
+    /// The photon has scattered so often unseen.
+    fn leapt(&mut self, scatterings: u32);
+
+    /// Whether the photon may leave a ball of this radius at once. If not, it walks.
+    fn leaps(&mut self, _photon: &Photon, _radius: f64, _rng: &mut Stream) -> bool {
+        true
+    }
+}
+
+/// What a photon walks in.
+pub struct Ground<'a> {
+    /// Around it.
+    pub shape: &'a Shape,
+    /// In it.
+    pub medium: &'a Medium,
+    /// Long ways at once.
+    pub leaps: &'a mut Leaps,
+    /// Depth from which it plays roulette for its life.
+    pub roulette: f64,
+}
+
 /// Walks from just inside the surface until the photon has left.
-///
-/// `visit` sees the photon at each scattering, before it is turned.
 pub fn wander(
-    shape: &Shape,
-    medium: &Medium,
+    ground: Ground<'_>,
     photon: &mut Photon,
     rng: &mut Stream,
-    visit: &mut impl FnMut(&Photon) -> ControlFlow<()>,
+    visitor: &mut impl Visitor,
 ) -> End {
-    match shape {
-        Shape::HalfSpace(s) => within(s, medium, photon, rng, visit),
-        Shape::Block(s) => within(s, medium, photon, rng, visit),
-        Shape::Sphere(s) => within(s, medium, photon, rng, visit),
-        Shape::Mesh(s) => within(s.as_ref(), medium, photon, rng, visit),
+    match ground.shape {
+        Shape::HalfSpace(s) => within(s, ground, photon, rng, visitor),
+        Shape::Block(s) => within(s, ground, photon, rng, visitor),
+        Shape::Sphere(s) => within(s, ground, photon, rng, visitor),
+        Shape::Mesh(s) => within(s.as_ref(), ground, photon, rng, visitor),
     }
 }
 
 #[inline]
 fn within<S: Solid>(
     solid: &S,
-    medium: &Medium,
+    ground: Ground<'_>,
     photon: &mut Photon,
     rng: &mut Stream,
-    visit: &mut impl FnMut(&Photon) -> ControlFlow<()>,
+    visitor: &mut impl Visitor,
 ) -> End {
+    let Ground {
+        leaps, roulette, ..
+    } = ground;
     let &Medium {
         sigma_a,
         sigma_s,
         g,
         eta,
-    } = medium;
+    } = ground.medium;
     let mean_free_path = 1.0 / sigma_s;
+    let least = leaps.radius(0);
     // What is left of a ball around the photon in which there is no surface.
     let mut clear = 0.0;
+    // The ball that the photon was not let out of at once.
+    let mut ball: Option<(Vec3, f64)> = None;
     loop {
         let free = -(1.0 - uniform(rng)).ln() * mean_free_path;
         if free >= clear {
@@ -101,22 +138,40 @@ fn within<S: Solid>(
         photon.at += free * photon.direction;
         photon.depth += sigma_a * free;
         clear -= free;
-        if visit(photon).is_break() {
+        ball = ball.filter(|(center, square)| (photon.at - center).length_squared() < *square);
+        if visitor.scatters(photon, ball.is_some(), rng).is_break() {
             return End::Stopped;
         }
         photon.direction = scatter(photon.direction, g, rng);
-        if photon.depth > ROULETTE_DEPTH {
+        if photon.depth > roulette {
             if uniform(rng) >= SURVIVAL {
                 return End::Stopped;
             }
             photon.depth += SURVIVAL.ln();
+        }
+        if ball.is_some() {
+            continue;
+        }
+        let reach = visitor.unseen(photon.at);
+        if reach < least {
+            continue;
+        }
+        clear = solid.clearance(photon.at);
+        if let Some(size) = leaps.within(reach.min(clear)) {
+            let radius = leaps.radius(size);
+            if visitor.leaps(photon, radius, rng) {
+                visitor.leapt(leaps.leap(size, photon, rng));
+                clear -= radius;
+            } else {
+                ball = Some((photon.at, radius * radius));
+            }
         }
     }
 }
 
 /// A new direction after a scattering by Henyey and Greenstein's phase function.
 #[inline]
-fn scatter(direction: Vec3, g: f64, rng: &mut Stream) -> Vec3 {
+pub(crate) fn scatter(direction: Vec3, g: f64, rng: &mut Stream) -> Vec3 {
     // Marsaglia (1972): a point of the unit disk holds an even number, the square of its radius,
     // and an even azimuth that does not depend on it.
     let (x, y, xi) = loop {
@@ -141,6 +196,95 @@ fn scatter(direction: Vec3, g: f64, rng: &mut Stream) -> Vec3 {
 mod tests {
     use super::*;
     use physics::random::stream;
+
+    /// Counts, and leaps or not.
+    struct Counter {
+        leaps: bool,
+        scatterings: u32,
+    }
+
+    impl Visitor for Counter {
+        fn scatters(&mut self, _: &mut Photon, _: bool, _: &mut Stream) -> ControlFlow<()> {
+            self.scatterings += 1;
+            ControlFlow::Continue(())
+        }
+
+        fn leapt(&mut self, scatterings: u32) {
+            self.scatterings += scatterings;
+        }
+
+        fn unseen(&self, _: Vec3) -> f64 {
+            if self.leaps { f64::INFINITY } else { 0.0 }
+        }
+    }
+
+    /// From the middle of a large ball: way, scatterings and last direction are the same with
+    /// leaps and without.
+    #[test]
+    fn leaps_are_walks() {
+        let ball = crate::Sphere {
+            center: Vec3::ZERO,
+            radius: 20.0,
+        };
+        let shape = Shape::Sphere(ball);
+        for g in [0.0, 0.7] {
+            let medium = Medium {
+                sigma_a: 0.01,
+                sigma_s: 1.0 / (1.0 - g),
+                g,
+                eta: 1.3,
+            };
+            let n = 6000;
+            let found = [true, false].map(|leap| {
+                let mut rng = stream(9, &[u64::from(leap)]);
+                let mut leaps = Leaps::new(medium, 9, [0, 0]);
+                let mut sums = [[0.0; 2]; 4];
+                for _ in 0..n {
+                    let mut photon = Photon {
+                        at: Vec3::ZERO,
+                        direction: Vec3::Z,
+                        depth: 0.0,
+                    };
+                    let mut counter = Counter {
+                        leaps: leap,
+                        scatterings: 0,
+                    };
+                    let ground = Ground {
+                        shape: &shape,
+                        medium: &medium,
+                        leaps: &mut leaps,
+                        roulette: f64::INFINITY,
+                    };
+                    let end = wander(ground, &mut photon, &mut rng, &mut counter);
+                    let End::Left(hit) = end else {
+                        panic!("{end:?}");
+                    };
+                    let found = [
+                        photon.depth,
+                        f64::from(counter.scatterings),
+                        photon.direction.dot(hit.normal),
+                        photon.at.z / 20.0,
+                    ];
+                    for (sum, x) in sums.iter_mut().zip(found) {
+                        sum[0] += x;
+                        sum[1] += x * x;
+                    }
+                }
+                sums.map(|[sum, square]| {
+                    let mean = sum / f64::from(n);
+                    let variance = square / f64::from(n) - mean * mean;
+                    (mean, (variance / f64::from(n)).sqrt())
+                })
+            });
+            let [leapt, walked] = found;
+            for (x, y) in leapt.iter().zip(&walked) {
+                // The walks of the balls are used again: up to twice the error.
+                let u = (2.0 * x.1).hypot(y.1);
+                assert!((x.0 - y.0).abs() < 3.5 * u, "{g}: {found:?}");
+            }
+            assert!(leapt[0].1 < 0.01 * leapt[0].0, "{g}: {found:?}");
+        }
+    }
 
     /// Mean cosine g, and its square (1 + 2g²)/3 by the second Legendre moment.
     #[test]

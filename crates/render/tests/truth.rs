@@ -3,6 +3,7 @@
 use physics::Medium;
 use physics::random::{stream, uniform};
 use render::camera::Lens;
+use render::leap;
 use render::paths::{Wanted, radiance};
 use render::{
     Block, Camera, Entry, HalfSpace, Lamp, Light, Material, Method, MonteCarlo, Object, Options,
@@ -107,14 +108,23 @@ fn five_half_spaces_reflect_what_adding_doubling_says() {
         let paths = effort(20_000);
         let mean = |even: bool| {
             let mut rng = stream(4, &[u64::from(even)]);
+            let mut leaps = leap::of_scene(&scene, 4, u64::from(even));
             let (mut sum, mut square) = (0.0, 0.0);
             for _ in 0..paths {
                 let cos = if even { uniform(&mut rng).sqrt() } else { 1.0 };
                 let down = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos);
                 let mut value = 0.0;
-                radiance(&scene, 0, Vec3::Z, down, &wanted, &mut rng, |found| {
-                    value += found.value;
-                });
+                radiance(
+                    &scene,
+                    0,
+                    (Vec3::Z, down),
+                    &wanted,
+                    &mut leaps,
+                    &mut rng,
+                    |found| {
+                        value += found.value;
+                    },
+                );
                 sum += value;
                 square += value * value;
             }
