@@ -15,7 +15,7 @@ mod undeveloped;
 pub use self::png::encode_png;
 pub use self::tiff::encode_tiff;
 
-use physics::{Frame, Mosaic, Samples};
+use physics::{Counts, Frame, Mosaic, Samples};
 use thiserror::Error;
 
 /// How a file stores its samples.
@@ -339,12 +339,12 @@ pub fn decode_frame(bytes: &[u8]) -> Result<Decoded, ImageError> {
 /// # Errors
 ///
 /// As [`decode_frame`].
-pub fn decode_frame_into(bytes: &[u8], spare: Vec<u16>) -> Result<Decoded, ImageError> {
+pub fn decode_frame_into(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, ImageError> {
     if let Some(raw) = camera_raw(bytes) {
         return Err(ImageError::CameraRaw(raw));
     }
     match Format::of(bytes) {
-        Some(Format::Tiff) => tiff::decode(bytes, spare),
+        Some(Format::Tiff) => tiff::decode(bytes, &mut spare, false).map(|(decoded, _)| decoded),
         Some(Format::Png) => png::decode(bytes, spare),
         Some(Format::Pnm) => pnm::decode(bytes),
         Some(Format::Exr) => exr::decode(bytes),
@@ -353,6 +353,59 @@ pub fn decode_frame_into(bytes: &[u8], spare: Vec<u16>) -> Result<Decoded, Image
             bytes.iter().take(4).copied().collect(),
         )),
     }
+}
+
+/// A file in memory that can become that of its samples.
+#[derive(Clone, Debug, Default)]
+pub struct FileWords {
+    words: Vec<u16>,
+    length: usize,
+}
+
+impl FileWords {
+    /// A file of `length` bytes, two in each of `words`, the last of which may be half full.
+    ///
+    /// # Panics
+    ///
+    /// There are not as many words.
+    pub fn new(words: Vec<u16>, length: usize) -> Self {
+        assert_eq!(words.len(), length.div_ceil(2));
+        Self { words, length }
+    }
+
+    /// The bytes of the file.
+    pub fn bytes(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.words)[..self.length]
+    }
+
+    /// The memory, for the next file.
+    pub fn into_memory(self) -> Vec<u16> {
+        self.words
+    }
+}
+
+/// The frame in `file`, whose memory becomes that of the frame where the samples stand in it as they
+/// are, and is empty from then on; others come to stand in that of `spare`.
+///
+/// # Errors
+///
+/// As [`decode_frame`].
+pub fn decode_frame_of(file: &mut FileWords, spare: &mut Vec<u16>) -> Result<Decoded, ImageError> {
+    if camera_raw(file.bytes()).is_some() || Format::of(file.bytes()) != Some(Format::Tiff) {
+        return decode_frame_into(file.bytes(), std::mem::take(spare));
+    }
+    let (mut decoded, place) = tiff::decode(file.bytes(), spare, true)?;
+    if let Some(tiff::Place { words, swapped }) = place {
+        let memory = std::mem::take(file).into_memory();
+        let mut counts = Counts::within(memory, words);
+        if swapped {
+            for count in counts.iter_mut() {
+                *count = count.swap_bytes();
+            }
+        }
+        decoded.frame.samples = Samples::U16(counts);
+    }
+    Ok(decoded)
 }
 
 /// A format that frames come in.

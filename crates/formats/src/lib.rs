@@ -46,6 +46,7 @@ pub use capture::{Capture, CaptureError, parse_capture, parse_manifest};
 pub use csv_table::{CsvError, Expected};
 pub use exr::{ExrError, RadianceFile, read_radiance, write_radiance};
 pub use image::{
-    Decoded, Depth, ImageError, decode_frame, decode_frame_into, encode_png, encode_tiff,
+    Decoded, Depth, FileWords, ImageError, decode_frame, decode_frame_into, decode_frame_of,
+    encode_png, encode_tiff,
 };
 pub use toml_text::{TomlError, parse_toml};

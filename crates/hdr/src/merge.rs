@@ -10,7 +10,7 @@ use crate::hot::{HOT, Level, WARM, levels};
 use physics::frame::channel_names;
 use physics::{ChannelMap, Frame, RadianceMap, Sensor};
 use rayon::prelude::*;
-use rows::{Block, Layout, Outcome, Rows, Step};
+use rows::{Block, CHUNK, Common, Layout, Outcome, Rows, Step};
 use sets::{Set, Sets};
 
 /// Standard deviations of a full pixel that a prediction stays below the white level. Were it
@@ -50,8 +50,11 @@ pub struct Merge {
     sensor: Sensor,
     /// Σ(DN − dark) of the used frames, DN.
     sum: Vec<f32>,
-    /// Which frames were used, as a number in `sets`.
+    /// Which frames were used, as a number in `sets`, of the samples of chunks that have no set in
+    /// common.
     set: Vec<u16>,
+    /// What the samples of each chunk of each row have in common.
+    common: Vec<Common>,
     sets: Sets,
     dark: LastDark,
     /// Σt of all frames, s.
@@ -132,6 +135,7 @@ impl Merge {
             sensor: *sensor,
             sum: vec![],
             set: vec![],
+            common: vec![],
             sets: Sets::new(),
             dark: LastDark::default(),
             time: 0.0,
@@ -139,6 +143,15 @@ impl Merge {
             rounding_variance: 0.0,
             frames: vec![],
         })
+    }
+
+    /// The same with its sums in `memory`, say that of a picture that has served: fresh memory
+    /// costs as much as a frame does.
+    #[must_use]
+    pub fn in_memory(mut self, memory: Vec<f32>) -> Self {
+        self.sum = memory;
+        self.sum.clear();
+        self
     }
 
     /// Adds `frame`, less `dark`, which must be of the same exposure.
@@ -195,8 +208,14 @@ impl Merge {
         }
         let (width, height, channels) = self.size;
         // Only now: a size is not trusted with memory before a frame of that size has come.
-        self.sum.resize(frame.samples.len(), 0.0);
-        self.set.resize(frame.samples.len(), 0);
+        if self.frames.is_empty() {
+            let count = frame.samples.len();
+            self.sum.resize(count, 0.0);
+            // Zeros that nobody has to write: few chunks ever need them.
+            self.set = vec![0; count];
+            let chunks = (frame.width * frame.channels).div_ceil(CHUNK);
+            self.common = vec![Common::EMPTY; chunks * frame.height];
+        }
         self.rounding_variance = frame.samples.rounding_variance();
 
         let sensor = &self.sensor;
@@ -232,7 +251,7 @@ impl Merge {
             own_limit: own_limit as f32,
             warm: &warm,
         };
-        let outcomes = add_in_blocks(&step, &mut self.sum, &mut self.set);
+        let outcomes = add_in_blocks(&step, &mut self.sum, &mut self.set, &mut self.common);
 
         let mut used = vec![0; channels];
         let mut of_set = vec![0; tables.len()];
@@ -306,6 +325,7 @@ impl Merge {
         let Self {
             mut sum,
             mut set,
+            common,
             dark,
             frames,
             time,
@@ -313,6 +333,15 @@ impl Merge {
             ..
         } = self;
 
+        let row = width * channels;
+        if channels > 1 {
+            // Taken apart, no chunk is left.
+            for (set, common) in in_chunks(&mut set, &common, row) {
+                if let Some(number) = common.set {
+                    set.fill(number);
+                }
+            }
+        }
         let mut maps = Vec::with_capacity(channels);
         let mut reports = Vec::with_capacity(channels);
         for (channel, name) in channel_names(channels).iter().enumerate() {
@@ -326,9 +355,25 @@ impl Merge {
                 )
             };
             let mut variance = vec![0.0; value.len()];
-            let measured = noise
-                .of_channel(channel)
-                .apply(&mut value, &set, &mut variance);
+            let of_channel = noise.of_channel(channel);
+            let measured = if channels == 1 {
+                let rows = value.par_chunks_mut(row).zip(variance.par_chunks_mut(row));
+                let numbers = set
+                    .par_chunks(row)
+                    .zip(common.par_chunks(row.div_ceil(CHUNK)));
+                rows.zip(numbers)
+                    .map(|((value, variance), (set, common))| {
+                        of_channel.apply_to_row(value, variance, set, common)
+                    })
+                    .sum()
+            } else {
+                of_channel.apply(&mut value, &mut variance, &set)
+            };
+            let number = |at: usize| {
+                let chunk = at / row * row.div_ceil(CHUNK) + at % row / CHUNK;
+                let common = common[chunk].set.filter(|_| channels == 1);
+                usize::from(common.unwrap_or(set[at]))
+            };
             let mut report = ChannelReport {
                 hot: 0,
                 saturated_everywhere: (value.len() - measured) as u64,
@@ -336,7 +381,7 @@ impl Merge {
             };
             for (at, level) in dark.warm.iter().filter(|warm| warm.0 % channels == channel) {
                 let at = at / channels;
-                let of_set = &noise.sets[usize::from(set[at])];
+                let of_set = &noise.sets[number(at)];
                 if *level > dark.levels[channel].beyond(HOT) {
                     report.hot += 1;
                     report.saturated_everywhere -= u64::from(of_set.time == 0.0);
@@ -384,35 +429,44 @@ impl Merge {
 }
 
 /// Adds a frame to all rows, on as many threads as there are.
-fn add_in_blocks(step: &Step<'_>, sum: &mut [f32], set: &mut [u16]) -> Vec<Outcome> {
+fn add_in_blocks(
+    step: &Step<'_>,
+    sum: &mut [f32],
+    set: &mut [u16],
+    common: &mut [Common],
+) -> Vec<Outcome> {
     let Layout { row, down, .. } = step.layout;
-    let block = BLOCK_ROWS * row;
-    let length = sum.len();
+    let (height, chunks) = (sum.len() / row, row.div_ceil(CHUNK));
     // A block changes rows that its neighbours look at: each takes them as they were.
-    let edges: Vec<[Edge; 2]> = (0..length)
-        .step_by(block)
+    let edges: Vec<[Edge; 2]> = (0..height)
+        .step_by(BLOCK_ROWS)
         .map(|start| {
-            let end = (start + block).min(length);
+            let end = (start + BLOCK_ROWS).min(height);
             let copy = |from: usize, to: usize| Edge {
-                sum: sum[from..to].to_vec(),
-                set: set[from..to].to_vec(),
+                sum: sum[from * row..to * row].to_vec(),
+                set: set[from * row..to * row].to_vec(),
+                common: common[from * chunks..to * chunks].to_vec(),
             };
             [
-                copy(start.saturating_sub(down * row), start),
-                copy(end, (end + down * row).min(length)),
+                copy(start.saturating_sub(down), start),
+                copy(end, (end + down).min(height)),
             ]
         })
         .collect();
-    let blocks = sum.par_chunks_mut(block).zip(set.par_chunks_mut(block));
+    let blocks = sum
+        .par_chunks_mut(BLOCK_ROWS * row)
+        .zip(set.par_chunks_mut(BLOCK_ROWS * row))
+        .zip(common.par_chunks_mut(BLOCK_ROWS * chunks));
     blocks
         .zip(&edges)
         .enumerate()
-        .map(|(number, ((sum, set), [above, below]))| {
+        .map(|(number, (((sum, set), common), [above, below]))| {
             pulp::Arch::new().dispatch(Block {
                 step,
                 first: number * BLOCK_ROWS,
                 sum,
                 set,
+                common,
                 above: above.rows(),
                 below: below.rows(),
             })
@@ -424,6 +478,7 @@ fn add_in_blocks(step: &Step<'_>, sum: &mut [f32], set: &mut [u16]) -> Vec<Outco
 struct Edge {
     sum: Vec<f32>,
     set: Vec<u16>,
+    common: Vec<Common>,
 }
 
 impl Edge {
@@ -431,8 +486,21 @@ impl Edge {
         (!self.sum.is_empty()).then_some(Rows {
             sum: &self.sum,
             set: &self.set,
+            common: &self.common,
         })
     }
+}
+
+/// The chunks of samples in rows of `row`, each with what they have in common.
+fn in_chunks<'a, T>(
+    samples: &'a mut [T],
+    common: &'a [Common],
+    row: usize,
+) -> impl Iterator<Item = (&'a mut [T], &'a Common)> {
+    let chunks = samples
+        .chunks_mut(row)
+        .flat_map(|row| row.chunks_mut(CHUNK));
+    chunks.zip(common)
 }
 
 fn of_channel<T: Copy>(samples: &[T], channel: usize, channels: usize) -> Vec<T> {
@@ -522,33 +590,69 @@ struct OfSet {
 
 impl ChannelNoise {
     /// Turns each sum of `value` into the mean, fills `variance`, and counts what was measured.
-    fn apply(&self, value: &mut [f32], set: &[u16], variance: &mut [f32]) -> usize {
+    fn apply(&self, value: &mut [f32], variance: &mut [f32], set: &[u16]) -> usize {
         const BLOCK: usize = 1 << 16;
         let blocks = value
             .par_chunks_mut(BLOCK)
             .zip(variance.par_chunks_mut(BLOCK));
         blocks
             .zip(set.par_chunks(BLOCK))
-            .map(|((value, variance), set)| {
-                let mut measured = 0;
-                for ((value, variance), set) in value.iter_mut().zip(variance).zip(set) {
-                    let OfSet { per_time, floor } = self.sets[usize::from(*set)];
-                    if per_time == 0.0 {
-                        *value = 0.0;
-                        *variance = f32::INFINITY;
-                        continue;
+            .map(|((value, variance), set)| self.apply_each(value, variance, set))
+            .sum()
+    }
+
+    /// The same for a row whose chunks may have a set in common.
+    fn apply_to_row(
+        &self,
+        value: &mut [f32],
+        variance: &mut [f32],
+        set: &[u16],
+        common: &[Common],
+    ) -> usize {
+        let rows = value.chunks_mut(CHUNK).zip(variance.chunks_mut(CHUNK));
+        let chunks = rows.zip(set.chunks(CHUNK).zip(common));
+        chunks
+            .map(|((value, variance), (set, common))| match common.set {
+                None => self.apply_each(value, variance, set),
+                Some(number) => {
+                    let set = self.sets[usize::from(number)];
+                    if set.per_time == 0.0 {
+                        value.fill(0.0);
+                        variance.fill(f32::INFINITY);
+                        return 0;
                     }
-                    measured += 1;
-                    // The sum itself stands for its expectation, below zero too: clipped there,
-                    // the variances of a dark region would be too large on average.
-                    let counted = (floor + *value * self.per_electron).max(self.read);
-                    let mean = *value * per_time;
-                    *value = mean;
-                    *variance = counted * per_time * per_time + self.prnu * mean * mean;
+                    for (value, variance) in value.iter_mut().zip(variance) {
+                        [*value, *variance] = self.mean(*value, set);
+                    }
+                    value.len()
                 }
-                measured
             })
             .sum()
+    }
+
+    fn apply_each(&self, value: &mut [f32], variance: &mut [f32], set: &[u16]) -> usize {
+        let mut measured = 0;
+        for ((value, variance), set) in value.iter_mut().zip(variance).zip(set) {
+            let set = self.sets[usize::from(*set)];
+            if set.per_time == 0.0 {
+                [*value, *variance] = [0.0, f32::INFINITY];
+                continue;
+            }
+            measured += 1;
+            [*value, *variance] = self.mean(*value, set);
+        }
+        measured
+    }
+
+    /// Mean and variance of a sum over `set`.
+    #[inline(always)]
+    fn mean(&self, sum: f32, OfSet { per_time, floor }: OfSet) -> [f32; 2] {
+        // The sum itself stands for its expectation, below zero too: clipped there, the variances
+        // of a dark region would be too large on average.
+        let counted = (floor + sum * self.per_electron).max(self.read);
+        let mean = sum * per_time;
+        let variance = counted * per_time * per_time + self.prnu * mean * mean;
+        [mean, variance]
     }
 }
 

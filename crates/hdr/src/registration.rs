@@ -13,7 +13,7 @@ use physics::{Frame, Samples};
 pub fn moved(frame: &Frame, by: [i32; 2]) -> Frame {
     let size = (frame.width, frame.height, frame.channels);
     let samples = match &frame.samples {
-        Samples::U16(samples) => Samples::U16(place(samples, size, by, Some(u16::MAX))),
+        Samples::U16(samples) => place(samples, size, by, Some(u16::MAX)).into(),
         Samples::F32(samples) => Samples::F32(place(samples, size, by, Some(f32::MAX))),
     };
     Frame {
@@ -27,7 +27,7 @@ impl DarkFrame {
     pub fn moved(&self, by: [i32; 2]) -> Self {
         let size = self.size();
         let sum = match self.sum() {
-            Samples::U16(samples) => Samples::U16(place(samples, size, by, None)),
+            Samples::U16(samples) => place(samples, size, by, None).into(),
             Samples::F32(samples) => Samples::F32(place(samples, size, by, None)),
         };
         self.with_sum(sum)

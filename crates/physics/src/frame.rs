@@ -1,6 +1,6 @@
 //! One exposure as the camera wrote it, and what is known of the sensor behind it.
 
-use std::ops::Range;
+use std::ops::{Deref, DerefMut, Range};
 
 /// Raw counts of one exposure.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +24,7 @@ pub struct Frame {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     /// Whole numbers from 0 to 65535.
-    U16(Vec<u16>),
+    U16(Counts),
     /// Finite numbers of any sign and size.
     F32(Vec<f32>),
 }
@@ -66,7 +66,7 @@ impl Samples {
     /// The memory of samples of 16 bits, for the next ones; none of others.
     pub fn into_memory(self) -> Vec<u16> {
         match self {
-            Self::U16(samples) => samples,
+            Self::U16(samples) => samples.memory,
             Self::F32(_) => vec![],
         }
     }
@@ -82,7 +82,56 @@ impl Samples {
 
 impl From<Vec<u16>> for Samples {
     fn from(samples: Vec<u16>) -> Self {
-        Self::U16(samples)
+        Self::U16(samples.into())
+    }
+}
+
+/// Counts in a row, perhaps among the rest of the file that they came in: most files of plain
+/// counts hold them as the machine does, and to copy them costs as much as to merge them.
+#[derive(Clone, Debug)]
+pub struct Counts {
+    memory: Vec<u16>,
+    place: Range<usize>,
+}
+
+impl Counts {
+    /// The counts that stand at `place` of `memory`.
+    ///
+    /// # Panics
+    ///
+    /// The place reaches beyond the memory.
+    pub fn within(memory: Vec<u16>, place: Range<usize>) -> Self {
+        assert!(place.start <= place.end && place.end <= memory.len());
+        Self { memory, place }
+    }
+}
+
+impl From<Vec<u16>> for Counts {
+    fn from(memory: Vec<u16>) -> Self {
+        let place = 0..memory.len();
+        Self { memory, place }
+    }
+}
+
+impl Deref for Counts {
+    type Target = [u16];
+
+    #[inline]
+    fn deref(&self) -> &[u16] {
+        &self.memory[self.place.clone()]
+    }
+}
+
+impl DerefMut for Counts {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [u16] {
+        &mut self.memory[self.place.clone()]
+    }
+}
+
+impl PartialEq for Counts {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
     }
 }
 

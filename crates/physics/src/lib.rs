@@ -63,7 +63,7 @@ pub use directional::{DirectionalModel, ObliqueBeam};
 pub use exit::ExitFactor;
 pub use first_order::{FirstOrder, Reflections};
 pub use footprint::{Blur, Footprints, Rows};
-pub use frame::{Frame, Samples, Sensor};
+pub use frame::{Counts, Frame, Samples, Sensor};
 pub use fresnel::{DiffuseFresnel, Exitance};
 pub use kienle_patterson::KienlePattersonModel;
 pub use layered::{Constituent, Layer, LayeredMedium};

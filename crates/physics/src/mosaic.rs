@@ -117,7 +117,7 @@ impl Mosaic {
     pub fn folded(&self, frame: &Frame) -> Frame {
         debug_assert_eq!(frame.channels, 1);
         let samples = match &frame.samples {
-            Samples::U16(samples) => Samples::U16(self.fold(samples, frame.width, frame.height)),
+            Samples::U16(samples) => self.fold(samples, frame.width, frame.height).into(),
             Samples::F32(samples) => Samples::F32(self.fold(samples, frame.width, frame.height)),
         };
         Frame {

@@ -3,7 +3,7 @@
 use crate::consistency::Consistency;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::Monitor;
-use crate::reading::read_frame;
+use crate::reading::read_frame_of;
 use crate::response::{self, Curves};
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
@@ -101,15 +101,36 @@ pub struct Merged {
 /// that is done with the samples of a plain file.
 #[derive(Debug, Default)]
 pub(crate) struct Room {
-    bytes: Vec<u8>,
+    file: Vec<u16>,
     samples: Vec<u16>,
 }
 
 impl Room {
     /// Takes the memory of a frame that has served.
     pub(crate) fn take_back(&mut self, frame: Frame) {
-        self.samples = frame.samples.into_memory();
+        self.give(frame.samples.into_memory());
     }
+
+    fn give(&mut self, memory: Vec<u16>) {
+        // A file that was left without its memory has its samples in there.
+        let room = if self.file.capacity() == 0 {
+            &mut self.file
+        } else {
+            &mut self.samples
+        };
+        *room = memory;
+    }
+}
+
+/// Memory for the frames and their darks, and for the sums of a merge.
+///
+/// The last dark is not kept: its memory is wanted for the variance of the sum.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    frame: Room,
+    dark: Room,
+    /// For sums: the values of a picture that has served.
+    pub(crate) sums: Vec<f32>,
 }
 
 /// A file of a frame and what it says.
@@ -217,11 +238,13 @@ impl Loaded {
         &self,
         subject: Subject,
         sensor: &Sensor,
+        workspace: &mut Workspace,
         monitor: &dyn Monitor,
     ) -> Result<Merged> {
         let (frames, _) = self.entries(subject);
         let mut moves = vec![[0; 2]; frames.len()];
-        let (mut merged, mut comparison) = self.compare(subject, sensor, monitor, &moves)?;
+        let (mut merged, mut comparison) =
+            self.compare(subject, sensor, workspace, monitor, &moves)?;
         let mosaic = merged.3.mosaic();
         if let Some(mosaic) = &mosaic {
             comparison = hdr::mosaic::in_pixels(mosaic, comparison);
@@ -236,7 +259,8 @@ impl Loaded {
             for (all, [right, down]) in moves.iter_mut().zip(further) {
                 *all = [all[0] + right, all[1] + down];
             }
-            (merged, comparison) = self.compare(subject, sensor, &Quiet(monitor), &moves)?;
+            (merged, comparison) =
+                self.compare(subject, sensor, workspace, &Quiet(monitor), &moves)?;
         }
         let limit_px = if mosaic.is_none() {
             REMAINING_PX
@@ -248,9 +272,14 @@ impl Loaded {
         let (map, report, inputs, seen) = if uses_measured {
             // The frames once more, each as long as the others say that it was.
             let quiet = Quiet(monitor);
-            self.merge_as(subject, sensor, &quiet, &moves, |_, index, _, _| {
-                Ok(comparison.frames[index].measured_s)
-            })?
+            self.merge_as(
+                subject,
+                sensor,
+                workspace,
+                &quiet,
+                &moves,
+                |_, index, _, _| Ok(comparison.frames[index].measured_s),
+            )?
         } else {
             merged
         };
@@ -277,16 +306,24 @@ impl Loaded {
         &self,
         subject: Subject,
         sensor: &Sensor,
+        workspace: &mut Workspace,
         monitor: &dyn Monitor,
         moves: &[[i32; 2]],
     ) -> Result<(Pass, Comparison)> {
         let mut overlap = Overlap::new(sensor);
-        let merged = self.merge_as(subject, sensor, monitor, moves, |entry, _, frame, dark| {
-            overlap
-                .add(frame, dark, entry.exposure_s)
-                .input(self.place(&entry.file))?;
-            Ok(entry.exposure_s)
-        })?;
+        let merged = self.merge_as(
+            subject,
+            sensor,
+            workspace,
+            monitor,
+            moves,
+            |entry, _, frame, dark| {
+                overlap
+                    .add(frame, dark, entry.exposure_s)
+                    .input(self.place(&entry.file))?;
+                Ok(entry.exposure_s)
+            },
+        )?;
         Ok((merged, overlap.finish()))
     }
 
@@ -330,27 +367,31 @@ impl Loaded {
         &self,
         subject: Subject,
         sensor: &Sensor,
+        workspace: &mut Workspace,
         monitor: &dyn Monitor,
         moves: &[[i32; 2]],
         mut exposure: impl FnMut(&FrameEntry, usize, &Frame, &DarkFrame) -> Result<f64>,
     ) -> Result<Pass> {
         let mut merge: Option<Merge> = None;
-        let (inputs, seen) = self.with_darks(subject, monitor, |entry, frame, dark, index| {
-            let merge = match &mut merge {
-                Some(merge) => merge,
-                none => none.insert(
-                    Merge::new(frame.width, frame.height, frame.channels, sensor)
-                        .input(self.place(&entry.file))?,
-                ),
-            };
-            let by = moves[index];
-            let back = (by != [0; 2]).then(|| (registration::moved(frame, by), dark.moved(by)));
-            let (frame, dark) = back.as_ref().map_or((frame, dark), |(f, d)| (f, d));
-            let measured_s = exposure(entry, index, frame, dark)?;
-            merge
-                .add_measured(frame, dark, entry.exposure_s, measured_s)
-                .input(self.place(&entry.file))
-        })?;
+        let mut sums = std::mem::take(&mut workspace.sums);
+        let (inputs, seen) =
+            self.with_darks(subject, workspace, monitor, |entry, frame, dark, index| {
+                let merge = match &mut merge {
+                    Some(merge) => merge,
+                    none => none.insert(
+                        Merge::new(frame.width, frame.height, frame.channels, sensor)
+                            .input(self.place(&entry.file))?
+                            .in_memory(std::mem::take(&mut sums)),
+                    ),
+                };
+                let by = moves[index];
+                let back = (by != [0; 2]).then(|| (registration::moved(frame, by), dark.moved(by)));
+                let (frame, dark) = back.as_ref().map_or((frame, dark), |(f, d)| (f, d));
+                let measured_s = exposure(entry, index, frame, dark)?;
+                merge
+                    .add_measured(frame, dark, entry.exposure_s, measured_s)
+                    .input(self.place(&entry.file))
+            })?;
         let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
         let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
         let (map, report) = merge.finish().input(place)?;
@@ -391,6 +432,7 @@ impl Loaded {
     pub(crate) fn with_darks(
         &self,
         subject: Subject,
+        workspace: &mut Workspace,
         monitor: &dyn Monitor,
         mut each: impl FnMut(&FrameEntry, &Frame, &DarkFrame, usize) -> Result<()>,
     ) -> Result<(Vec<Input>, Consistency)> {
@@ -398,38 +440,41 @@ impl Loaded {
         let mut inputs = Vec::with_capacity(frames.len() + darks.len());
         let mut seen = Consistency::default();
         let mut dark: Option<DarkFrame> = None;
-        let mut rooms = [Room::default(), Room::default()];
+        let Workspace {
+            frame: frame_room,
+            dark: dark_room,
+            ..
+        } = workspace;
         let mut sample_count = 0;
         for (index, entry) in by_exposure(frames).into_iter().enumerate() {
             monitor.check()?;
-            let [first, second] = &mut rooms;
             // Frames of one exposure share their dark.
             let frame = if dark
                 .as_ref()
                 .is_none_or(|d| d.exposure_s() != entry.exposure_s)
             {
-                first.samples = dark.take().map_or(vec![], DarkFrame::into_memory);
+                if let Some(dark) = dark.take() {
+                    dark_room.give(dark.into_memory());
+                }
                 let mut make_dark =
-                    || self.dark(entry, darks, &mut inputs, &mut seen, first, monitor);
+                    || self.dark(entry, darks, &mut inputs, &mut seen, dark_room, monitor);
                 // To unpack a file keeps one thread busy, and its bytes are few. Plain ones come as
                 // fast as memory is, and there may not be room for the bytes of two.
                 let (new, frame) = if self.is_packed(entry, sample_count) {
-                    let Room { bytes, samples } = second;
-                    rayon::join(make_dark, || self.read(entry, bytes, samples))
+                    rayon::join(make_dark, || self.read(entry, frame_room))
                 } else {
-                    let new = make_dark();
-                    (new, self.read(entry, &mut first.bytes, &mut second.samples))
+                    (make_dark(), self.read(entry, frame_room))
                 };
                 dark = Some(new?);
                 frame
             } else {
-                self.read(entry, &mut first.bytes, &mut second.samples)
+                self.read(entry, frame_room)
             };
             let frame = self.take(entry, frame?, &mut inputs, &mut seen)?;
             sample_count = frame.samples.len();
             let dark = dark.as_ref().expect("it was made just above");
             each(entry, &frame, dark, index)?;
-            second.take_back(frame);
+            frame_room.take_back(frame);
             monitor.step();
         }
         Ok((inputs, seen))
@@ -458,7 +503,7 @@ impl Loaded {
     ) -> Result<DarkFrame> {
         let mut sum: Option<DarkFrame> = None;
         for dark in darks.iter().filter(|d| d.same_exposure(entry)) {
-            let read = self.read(dark, &mut room.bytes, &mut room.samples)?;
+            let read = self.read(dark, room)?;
             let frame = self.take(dark, read, inputs, seen)?;
             let place = self.place(&dark.file);
             match &mut sum {
@@ -478,7 +523,7 @@ impl Loaded {
 
     /// What the file of `entry` holds, whatever its counts mean.
     pub(crate) fn decoded(&self, entry: &FrameEntry) -> Result<Decoded> {
-        Ok(self.read(entry, &mut vec![], &mut vec![])?.decoded)
+        Ok(self.read(entry, &mut Room::default())?.decoded)
     }
 
     pub(crate) fn frame(
@@ -488,7 +533,7 @@ impl Loaded {
         inputs: &mut Vec<Input>,
         seen: &mut Consistency,
     ) -> Result<Frame> {
-        let read = self.read(entry, &mut room.bytes, &mut room.samples)?;
+        let read = self.read(entry, room)?;
         self.take(entry, read, inputs, seen)
     }
 
@@ -499,16 +544,12 @@ impl Loaded {
         length < 2 * sample_count as u64
     }
 
-    /// Reads the file of `entry` by way of `bytes` and, where that serves, into `samples`.
-    fn read(
-        &self,
-        entry: &FrameEntry,
-        bytes: &mut Vec<u8>,
-        samples: &mut Vec<u16>,
-    ) -> Result<ReadFrame> {
+    /// Reads the file of `entry` in `room`.
+    fn read(&self, entry: &FrameEntry, room: &mut Room) -> Result<ReadFrame> {
         let path = self.folder.join(&entry.file);
-        let hash = files::read_into(&path, bytes)?;
-        let (decoded, metadata) = read_frame(bytes, &path, std::mem::take(samples))?;
+        let (mut file, hash) = files::read_into(&path, std::mem::take(&mut room.file))?;
+        let (decoded, metadata) = read_frame_of(&mut file, &path, &mut room.samples)?;
+        room.file = file.into_memory();
         let input = Input {
             name: entry.file.clone(),
             blake3: hash.to_hex().to_string(),

@@ -122,7 +122,7 @@ impl Consistency {
         if let Samples::U16(samples) = &decoded.frame.samples
             && (self.bits & 1 == 0 || self.largest <= MOST_PACKED)
         {
-            for sample in samples {
+            for sample in samples.iter() {
                 self.bits |= sample;
                 self.largest = self.largest.max(*sample);
             }

@@ -1,6 +1,7 @@
 //! Reading with names, writing whole or not at all.
 
 use crate::error::{Blame, Error, Kind, Result};
+use formats::FileWords;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -15,22 +16,36 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).input(path.display())
 }
 
-/// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
-/// the kernel copies four times as fast into it as into memory.
-const PIECE: usize = 1 << 17;
-
-/// The bytes of a file into `buffer`, whose memory is used again, and their hash.
+/// The same into `bytes`, whose memory is used again.
 ///
 /// # Errors
 ///
 /// The error names the file.
-pub(crate) fn read_into(path: &Path, buffer: &mut Vec<u8>) -> Result<blake3::Hash> {
-    buffer.clear();
+pub(crate) fn read_again(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
+    bytes.clear();
+    let mut file = File::open(path).input(path.display())?;
+    file.read_to_end(bytes).input(path.display())?;
+    Ok(())
+}
+
+/// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
+/// the kernel copies four times as fast into it as into memory.
+const PIECE: usize = 1 << 17;
+
+/// A file in the memory of `words`, and the hash of its bytes.
+///
+/// # Errors
+///
+/// The error names the file.
+pub(crate) fn read_into(path: &Path, mut words: Vec<u16>) -> Result<(FileWords, blake3::Hash)> {
+    words.clear();
     let mut file = File::open(path).input(path.display())?;
     let length = file.metadata().input(path.display())?.len();
-    buffer.reserve_exact(usize::try_from(length).unwrap_or(0));
+    words.reserve_exact(usize::try_from(length).unwrap_or(0).div_ceil(2));
+    let mut total = 0;
     let mut hasher = blake3::Hasher::new();
-    let mut read = |piece: &mut [u8]| -> Result<usize> {
+    let mut read = |piece: &mut [u16]| -> Result<usize> {
+        let piece: &mut [u8] = bytemuck::cast_slice_mut(piece);
         let mut filled = 0;
         while filled < piece.len() {
             match file.read(&mut piece[filled..]) {
@@ -44,26 +59,26 @@ pub(crate) fn read_into(path: &Path, buffer: &mut Vec<u8>) -> Result<blake3::Has
     };
     // While one piece is hashed and kept, the next is read. In a scope, so that all the pieces stay
     // with one thread of the pool, and no other has to be woken for each.
-    let (mut piece, mut next) = (vec![0; PIECE], vec![0; PIECE]);
+    let (mut piece, mut next) = (vec![0_u16; PIECE / 2], vec![0_u16; PIECE / 2]);
     rayon::scope(|_| -> Result<()> {
         let mut filled = read(&mut piece)?;
         while filled > 0 {
-            let here = &piece[..filled];
             let (ahead, ()) = rayon::join(
                 || {
-                    buffer.extend_from_slice(here);
+                    words.extend_from_slice(&piece[..filled.div_ceil(2)]);
                     read(&mut next)
                 },
                 || {
-                    hasher.update(here);
+                    hasher.update(&bytemuck::cast_slice(&piece)[..filled]);
                 },
             );
+            total += filled;
             filled = ahead?;
             std::mem::swap(&mut piece, &mut next);
         }
         Ok(())
     })?;
-    Ok(hasher.finalize())
+    Ok((FileWords::new(words, total), hasher.finalize()))
 }
 
 /// A file, to be read piece by piece.

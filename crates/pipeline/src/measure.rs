@@ -2,7 +2,7 @@
 
 use crate::beam::{self, ChosenBeam};
 use crate::bootstrap::{self, Bootstrap};
-use crate::capture::{self, Input, Loaded, Merged, Subject, exposure_lines};
+use crate::capture::{self, Input, Loaded, Merged, Subject, Workspace, exposure_lines};
 use crate::comparison::{self, Compared};
 use crate::confirm::{Confirmation, confirm};
 use crate::error::{Blame, Error, Kind, Result};
@@ -167,16 +167,19 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let steps = loaded.frame_count(Subject::Sample) + loaded.frame_count(Subject::Reference);
     monitor.begin("merging", steps);
     // One after the other: each uses all threads, and one picture at a time is in memory.
-    let mut reference = loaded.merge(Subject::Reference, &sensor, monitor)?;
+    let mut workspace = Workspace::default();
+    let mut reference = loaded.merge(Subject::Reference, &sensor, &mut workspace, monitor)?;
     loaded.leave_out(Subject::Reference, &mut reference)?;
     let view = loaded.view()?;
     let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
     let exit = exit(&loaded.capture, camera_angle.angle);
     let whites = reference_scales(loaded, &reference, view, exit)?;
     for channel in &mut reference.map.channels {
-        (channel.value, channel.variance) = (vec![], vec![]);
+        workspace.sums = std::mem::take(&mut channel.value);
+        channel.variance = vec![];
     }
-    let mut sample = loaded.merge(Subject::Sample, &sensor, monitor)?;
+    let mut sample = loaded.merge(Subject::Sample, &sensor, &mut workspace, monitor)?;
+    drop(workspace);
     loaded.leave_out(Subject::Sample, &mut sample)?;
     let count = sample.map.names().len();
     if count != whites.len() {

@@ -1,10 +1,8 @@
 //! What a file of a frame holds, camera RAW included where that is built in.
 
 use crate::error::{Blame, Result};
-#[cfg(feature = "raw")]
-use formats::ImageError;
 use formats::metadata::Metadata;
-use formats::{Decoded, decode_frame_into};
+use formats::{Decoded, FileWords, ImageError, decode_frame_into, decode_frame_of};
 use std::path::Path;
 
 /// Ends of the names of camera RAW that only its own decoder reads.
@@ -24,19 +22,42 @@ pub(crate) fn read_frame(
     path: &Path,
     spare: Vec<u16>,
 ) -> Result<(Decoded, Metadata)> {
-    match decode_frame_into(bytes, spare) {
+    let metadata = Metadata::read(bytes);
+    let decoded = or_raw(decode_frame_into(bytes, spare), || bytes, path)?;
+    Ok((decoded, metadata))
+}
+
+/// The same of a file whose memory may become that of the frame; see [`decode_frame_of`].
+pub(crate) fn read_frame_of(
+    file: &mut FileWords,
+    path: &Path,
+    spare: &mut Vec<u16>,
+) -> Result<(Decoded, Metadata)> {
+    let metadata = Metadata::read(file.bytes());
+    let decoded = decode_frame_of(file, spare);
+    let decoded = or_raw(decoded, || file.bytes(), path)?;
+    Ok((decoded, metadata))
+}
+
+/// What was `decoded`, or else what the decoder of camera RAW makes of the bytes.
+#[cfg_attr(not(feature = "raw"), expect(unused_variables))]
+fn or_raw<'a>(
+    decoded: std::result::Result<Decoded, ImageError>,
+    bytes: impl FnOnce() -> &'a [u8],
+    path: &Path,
+) -> Result<Decoded> {
+    match decoded {
         #[cfg(feature = "raw")]
         Err(ImageError::CameraRaw(_)) => {
-            let raw = raw::decode(bytes).input(path.display())?;
-            let decoded = Decoded {
+            let raw = raw::decode(bytes()).input(path.display())?;
+            Ok(Decoded {
                 frame: raw.frame,
                 depth: formats::Depth::Bits(raw.bits),
                 mosaic: raw.mosaic,
                 white_level_dn: Some(raw.white_level_dn),
                 curve: false,
-            };
-            Ok((decoded, Metadata::read(bytes)))
+            })
         }
-        other => Ok((other.input(path.display())?, Metadata::read(bytes))),
+        other => other.input(path.display()),
     }
 }

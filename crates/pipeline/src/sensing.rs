@@ -1,6 +1,6 @@
 //! The numbers of the camera: as the manifest states them, or as the frames show them.
 
-use crate::capture::{Loaded, Room, Subject, by_exposure};
+use crate::capture::{Loaded, Room, Subject, Workspace, by_exposure};
 use crate::consistency::Consistency;
 use crate::error::{Blame, Result};
 use crate::monitor::Monitor;
@@ -235,9 +235,10 @@ impl Loaded {
         monitor: &dyn Monitor,
     ) -> Result<std::result::Result<Noise, EstimateError>> {
         let mut transfer = Transfer::new(black_dn, white_dn);
+        let mut workspace = Workspace::default();
         for subject in [Subject::Sample, Subject::Reference] {
             transfer.restart();
-            self.with_darks(subject, monitor, |entry, frame, dark, _| {
+            self.with_darks(subject, &mut workspace, monitor, |entry, frame, dark, _| {
                 transfer
                     .add(frame, dark, entry.exposure_s)
                     .input(self.place(&entry.file))

@@ -1,6 +1,6 @@
 //! Centre and width of a beam: of a single frame, or of the spot on a capture's white reference.
 
-use crate::capture::{Input, Loaded, Subject};
+use crate::capture::{Input, Loaded, Subject, Workspace};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files;
 use crate::monitor::Monitor;
@@ -49,7 +49,12 @@ pub fn of_reference(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Vec<Spot>>
     let loaded = &*loaded.with_response(monitor)?;
     let sensor = loaded.sensing(monitor)?.sensor;
     monitor.begin("merging", loaded.frame_count(Subject::Reference));
-    let merged = loaded.merge(Subject::Reference, &sensor, monitor)?;
+    let merged = loaded.merge(
+        Subject::Reference,
+        &sensor,
+        &mut Workspace::default(),
+        monitor,
+    )?;
     let place = || format!("{}: reference", loaded.input.path.display());
     in_map(&merged.map, Background::Surroundings).map_err(|e| e.within(place()))
 }

@@ -86,7 +86,14 @@ fn frame(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Frame> {
     let samples = match kind.as_str() {
         "uint8" | "uint16" => {
             let counts = as_type("uint16")?.cast_into::<PyArrayDyn<u16>>()?;
-            Samples::U16(counts.readonly().as_array().iter().copied().collect())
+            Samples::from(
+                counts
+                    .readonly()
+                    .as_array()
+                    .iter()
+                    .copied()
+                    .collect::<Vec<u16>>(),
+            )
         }
         "float32" | "float64" | "float16" => {
             let numbers = as_type("float32")?.cast_into::<PyArrayDyn<f32>>()?;

@@ -152,7 +152,7 @@ fn frame(image: RawImage) -> Result<RawFrame, RawError> {
     }
     let (columns, rows) = ([left, right], [top, bottom]);
     let samples = match &image.data {
-        RawImageData::Integer(all) => Samples::U16(cut(all, width, columns, rows)),
+        RawImageData::Integer(all) => cut(all, width, columns, rows).into(),
         RawImageData::Float(all) => Samples::F32(cut(all, width, columns, rows)),
     };
     let frame = Frame {

@@ -94,7 +94,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         }
     })?;
     let samples = match samples {
-        Samples::U16(samples) if planes == 3 => Samples::U16(interleaved(&samples)),
+        Samples::U16(samples) if planes == 3 => interleaved(&samples).into(),
         Samples::F32(samples) if planes == 3 => Samples::F32(interleaved(&samples)),
         gray => gray,
     };
@@ -136,7 +136,8 @@ fn read<const N: usize>(
         counts &= value.fract() == 0.0 && (0.0..=65535.0).contains(&value);
     }
     Ok(if counts {
-        Samples::U16(stored.iter().map(|bytes| value(*bytes) as u16).collect())
+        let counts: Vec<u16> = stored.iter().map(|bytes| value(*bytes) as u16).collect();
+        counts.into()
     } else {
         floats(data, value)
     })
@@ -234,7 +235,7 @@ mod tests {
             &[0x80, 0x01, 0x7f, 0xff],
         )
         .unwrap();
-        assert_eq!(unsigned.frame.samples, Samples::U16(vec![1, 65535]));
+        assert_eq!(unsigned.frame.samples, Samples::from(vec![1, 65535]));
         let signed = row(&["BITPIX  = 16"], &[0xff, 0xff, 0, 7]).unwrap();
         assert_eq!(signed.frame.samples, Samples::F32(vec![-1.0, 7.0]));
         let scaled = row(&["BITPIX  = 8", "BSCALE  = 0.5"], &[1, 2]).unwrap();

@@ -8,6 +8,7 @@ use super::{
 use crate::metadata::tags::beyond_the_end;
 use physics::{Frame, Samples};
 use std::io::{Seek, Write};
+use std::ops::Range;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;
@@ -15,10 +16,24 @@ use tiff::{TiffError, TiffUnsupportedError};
 
 type Reader<'a> = Decoder<Patched<'a>>;
 
+/// The words of a file that are its samples.
+pub(super) struct Place {
+    /// Which ones.
+    pub(super) words: Range<usize>,
+    /// Whether their bytes stand in the other order than those of this machine.
+    pub(super) swapped: bool,
+}
+
 /// Photometric interpretation of the mosaic of a colour filter array.
 pub(super) const CFA: u16 = 32803;
 
-pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, ImageError> {
+/// The frame in `bytes`; where `in_place`, and its samples are words of the file as they are, it has
+/// none yet, and they are at that place.
+pub(super) fn decode(
+    bytes: &[u8],
+    spare: &mut Vec<u16>,
+    in_place: bool,
+) -> Result<(Decoded, Option<Place>), ImageError> {
     if let Some(needed) = beyond_the_end(bytes) {
         let found = bytes.len() as u64;
         return Err(ImageError::Truncated { needed, found });
@@ -56,32 +71,34 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
         Depth::Float => 32,
     };
     let count = sample_count([width, height, channels], stored, ratio, bits)?;
+    let mut place = None;
     let samples = if is_packed(depth) {
         let size = [width, height, channels].map(|n| n as usize);
         packed(&mut reader, bytes, bits as usize, size, planar)?.into()
-    } else if plain(
-        &mut reader,
-        bytes,
-        (ratio, depth, planar),
-        count,
-        &mut spare,
-    )? {
-        Samples::U16(spare)
+    } else if let Some(strips) = plain(&mut reader, bytes, (ratio, depth, planar), count)? {
+        let whole = Place::of(&strips, bytes).filter(|_| in_place && raw.is_none());
+        if whole.is_none() {
+            copied(&strips, bytes, count, spare);
+            std::mem::take(spare).into()
+        } else {
+            place = whole;
+            vec![].into()
+        }
     } else {
         let mut limits = Limits::default();
         limits.decoding_buffer_size = count * bits as usize / 8;
         limits.intermediate_buffer_size = bytes.len();
         reader = reader.with_limits(limits);
-        let mut result = DecodingResult::U16(spare);
+        let mut result = DecodingResult::U16(std::mem::take(spare));
         reader.read_image_to_buffer(&mut result)?;
         // The decoder leaves planes out rather than exceed its limits.
         match result {
             DecodingResult::U8(samples) if samples.len() == count => {
                 let samples: Vec<u16> = samples.into_iter().map(u16::from).collect();
-                Samples::U16(by_pixel(samples, planar))
+                by_pixel(samples, planar).into()
             }
             DecodingResult::U16(samples) if samples.len() == count => {
-                Samples::U16(by_pixel(samples, planar))
+                by_pixel(samples, planar).into()
             }
             DecodingResult::F32(samples) if samples.len() == count => {
                 Samples::F32(by_pixel(samples, planar))
@@ -111,13 +128,14 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
         ),
         None => (frame, None, None),
     };
-    Ok(Decoded {
+    let decoded = Decoded {
         frame,
         depth,
         mosaic,
         white_level_dn,
         curve,
-    })
+    };
+    Ok((decoded, place))
 }
 
 /// Samples of fewer than 16 bits stand one after the other, without regard to bytes.
@@ -190,54 +208,65 @@ fn packed(
     Ok(by_pixel(samples, planar))
 }
 
-/// Uncompressed 16-bit samples in strips, as most cameras write them: what the decoder makes of
-/// them too, in a third of the time, into `samples`. `false` where there is anything more to it.
+/// The strips of uncompressed 16-bit samples, as most cameras write them, in bytes; `None` where
+/// there is anything more to it.
 fn plain(
     reader: &mut Reader<'_>,
     bytes: &[u8],
     (ratio, depth, planar): (u64, Depth, bool),
     count: usize,
-    samples: &mut Vec<u16>,
-) -> Result<bool, ImageError> {
+) -> Result<Option<Vec<Range<usize>>>, ImageError> {
     let in_strips = reader.find_tag(Tag::TileWidth)?.is_none();
     let straight = tag(reader, Tag::Predictor, 1)? == 1;
     if ratio != 1 || depth != Depth::Bits(16) || planar || !in_strips || !straight {
-        return Ok(false);
+        return Ok(None);
     }
     let offsets = reader.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?;
     let counts = reader.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?;
     let (Some(offsets), Some(counts)) = (offsets, counts) else {
-        return Ok(false);
+        return Ok(None);
     };
     let (_, height) = reader.dimensions()?;
     let row_bytes = 2 * count / (height as usize).max(1);
     let rows = reader.find_tag_unsigned::<u32>(Tag::RowsPerStrip)?;
     let rows = rows.map_or(height, |rows| rows.clamp(1, height.max(1)));
+    let mut stored = offsets.into_iter().zip(counts);
+    let strips = (0..height).step_by(rows as usize).map(|first| {
+        let needed = rows.min(height - first) as usize * row_bytes;
+        let (offset, stored) = stored.next()?;
+        let start = usize::try_from(offset).ok()?;
+        let strip = start..start.checked_add(needed)?;
+        (stored >= needed as u64 && strip.end <= bytes.len()).then_some(strip)
+    });
+    // What is short is the decoder's to judge.
+    Ok(strips.collect())
+}
+
+/// The samples of the strips of a file, into `samples`.
+fn copied(strips: &[Range<usize>], bytes: &[u8], count: usize, samples: &mut Vec<u16>) {
     samples.clear();
     samples.reserve_exact(count);
-    let mut strips = offsets.into_iter().zip(counts);
-    for first in (0..height).step_by(rows as usize) {
-        let needed = rows.min(height - first) as usize * row_bytes;
-        let strip = strips.next().and_then(|(offset, stored)| {
-            // `stored_bytes` has seen that the strip lies inside the file.
-            let start = usize::try_from(offset).ok()?;
-            let whole = stored >= needed as u64;
-            bytes
-                .get(start..start.checked_add(needed)?)
-                .filter(|_| whole)
-        });
-        // What is short is the decoder's to judge.
-        let Some(strip) = strip else {
-            return Ok(false);
-        };
-        let (pairs, _) = strip.as_chunks::<2>();
+    for strip in strips {
+        let (pairs, _) = bytes[strip.clone()].as_chunks::<2>();
         if bytes.starts_with(b"II") {
             samples.extend(pairs.iter().map(|pair| u16::from_le_bytes(*pair)));
         } else {
             samples.extend(pairs.iter().map(|pair| u16::from_be_bytes(*pair)));
         }
     }
-    Ok(true)
+}
+
+impl Place {
+    /// That of strips which follow one another from a word of the file on.
+    fn of(strips: &[Range<usize>], bytes: &[u8]) -> Option<Self> {
+        let (first, last) = (strips.first()?, strips.last()?);
+        let joined = strips.windows(2).all(|pair| pair[0].end == pair[1].start);
+        let little = bytes.starts_with(b"II");
+        (joined && first.start % 2 == 0).then_some(Self {
+            words: first.start / 2..last.end / 2,
+            swapped: little != cfg!(target_endian = "little"),
+        })
+    }
 }
 
 fn tag(reader: &mut Reader<'_>, tag: Tag, default: u16) -> Result<u16, ImageError> {
@@ -341,7 +370,7 @@ pub fn encode_tiff(frame: &Frame, out: impl Write + Seek) -> Result<(), ImageErr
 
 #[cfg(test)]
 mod tests {
-    use super::super::decode_frame;
+    use super::super::{FileWords, decode_frame, decode_frame_of};
     use super::*;
     use std::io::Cursor;
 
@@ -419,6 +448,46 @@ mod tests {
         assert_eq!(decode_frame(&little).unwrap().frame.samples, samples);
         let big = file(true, &[], &[0x01, 0x02, 0xff, 0x00]);
         assert_eq!(decode_frame(&big).unwrap().frame.samples, samples);
+    }
+
+    #[test]
+    fn samples_that_stand_in_the_file_as_they_are_stay_there() {
+        let words = |bytes: &[u8]| {
+            let pairs = bytes.chunks(2);
+            let word = |pair: &[u8]| u16::from_ne_bytes([pair[0], *pair.get(1).unwrap_or(&0)]);
+            FileWords::new(pairs.map(word).collect(), bytes.len())
+        };
+        let samples: Samples = vec![0x0102, 0xff00].into();
+        // A byte ahead of the samples, and a gap between them: a row of its own is a strip.
+        let odd = file(false, &[(273, 9)], &[0, 0x02, 0x01, 0x00, 0xff]);
+        let mut apart = file(
+            false,
+            &[(256, 1), (257, 2), (273, 0), (279, 0)],
+            &[0x02, 0x01, 7, 7, 0x00, 0xff],
+        );
+        for (tag, values) in [(273, [8_u16, 12]), (279, [2, 2])] {
+            let entry = [u16::to_le_bytes(tag), u16::to_le_bytes(SHORT)].concat();
+            let at = apart.windows(4).position(|bytes| bytes == entry).unwrap();
+            apart[at + 4] = 2;
+            apart[at + 8..at + 12].copy_from_slice(&values.map(u16::to_le_bytes).concat());
+        }
+        let cases = [
+            (file(false, &[], &[0x02, 0x01, 0x00, 0xff]), true),
+            (file(true, &[], &[0x01, 0x02, 0xff, 0x00]), true),
+            (odd, false),
+            (apart, false),
+        ];
+        for (bytes, in_place) in cases {
+            let mut file = words(&bytes);
+            assert_eq!(file.bytes(), bytes);
+            let decoded = decode_frame_of(&mut file, &mut vec![5; 9]).unwrap();
+            assert_eq!(decoded.frame.samples, samples);
+            assert_eq!(decoded, decode_frame(&bytes).unwrap());
+            assert_eq!(file.bytes().is_empty(), in_place);
+            // The memory comes back whole.
+            let memory = decoded.frame.samples.into_memory();
+            assert_eq!(memory.len() > 2, in_place);
+        }
     }
 
     #[test]

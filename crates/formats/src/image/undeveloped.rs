@@ -192,7 +192,7 @@ impl Undeveloped {
         }
         let (rows, columns) = ([top, bottom], [left, right]);
         let samples = match &frame.samples {
-            Samples::U16(all) => Samples::U16(cut(all, frame.width, rows, columns)),
+            Samples::U16(all) => cut(all, frame.width, rows, columns).into(),
             Samples::F32(all) => Samples::F32(cut(all, frame.width, rows, columns)),
         };
         Ok(Frame {

@@ -9,7 +9,24 @@ use std::ops::Range;
 
 /// Samples of a row that are handled together where they belong to one set, as most do: as many as
 /// a number has bits.
-const CHUNK: usize = u64::BITS as usize;
+pub(super) const CHUNK: usize = u64::BITS as usize;
+
+/// What the samples of a chunk have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Common {
+    /// The set that all of them belong to; `None` where each has a number of its own.
+    pub(super) set: Option<u16>,
+    /// The largest of their estimates, DN/s, none below 0.
+    pub(super) most: f32,
+}
+
+impl Common {
+    /// Before the first frame.
+    pub(super) const EMPTY: Self = Self {
+        set: Some(0),
+        most: 0.0,
+    };
+}
 
 /// How samples of one channel lie in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +63,9 @@ pub(super) struct Step<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Rows<'a> {
     pub(super) sum: &'a [f32],
+    /// Of samples that have a number of their own.
     pub(super) set: &'a [u16],
+    pub(super) common: &'a [Common],
 }
 
 impl<'a> Rows<'a> {
@@ -54,10 +73,26 @@ impl<'a> Rows<'a> {
     #[inline(always)]
     fn row(self, number: usize, length: usize) -> Option<Self> {
         let at = number * length..(number + 1) * length;
+        let chunks = length.div_ceil(CHUNK);
         Some(Self {
             sum: self.sum.get(at.clone())?,
             set: self.set.get(at)?,
+            common: &self.common[number * chunks..(number + 1) * chunks],
         })
+    }
+
+    /// Calls `each` with the sums, the sets of their own and the common set of each part of a chunk in
+    /// `range` of the row.
+    #[inline(always)]
+    fn parts(self, range: Range<usize>, mut each: impl FnMut(&[f32], &[u16], Option<u16>)) {
+        let mut start = range.start;
+        while start < range.end {
+            let chunk = start / CHUNK;
+            let end = ((chunk + 1) * CHUNK).min(range.end);
+            let set = self.common[chunk].set;
+            each(&self.sum[start..end], &self.set[start..end], set);
+            start = end;
+        }
     }
 }
 
@@ -79,18 +114,18 @@ pub(super) struct Block<'s, 'a> {
     pub(super) first: usize,
     pub(super) sum: &'s mut [f32],
     pub(super) set: &'s mut [u16],
+    pub(super) common: &'s mut [Common],
     /// The `down` rows above the block as they were before this frame; none at the top.
     pub(super) above: Option<Rows<'s>>,
     /// Those below it; fewer or none at the bottom.
     pub(super) below: Option<Rows<'s>>,
 }
 
-/// What is known of a row without a look at each of its samples.
-#[derive(Clone)]
+/// What is known of three rows without a look at each of their samples, chunk by chunk.
 struct Bounds {
-    /// The largest estimate of each chunk, DN/s, none below 0.
+    /// The largest estimate, DN/s, none below 0.
     estimate: Vec<f32>,
-    /// The largest sample of each chunk, DN, none below 0.
+    /// The largest sample, DN, none below 0.
     sample: Vec<f32>,
 }
 
@@ -125,16 +160,17 @@ impl NullaryFnOnce for Block<'_, '_> {
             of_set: vec![0; self.step.tables.len()],
             warm: vec![],
         };
-        let unknown = Bounds {
+        // The largest sample of each chunk, DN, in rows y − down to y + down, row y at y mod their
+        // number.
+        let around = 2 * down + 1;
+        let mut largest = vec![vec![0.0; chunks]; around];
+        for ahead in 0..2 * down {
+            self.find_largest(ahead, &mut largest[ahead % around]);
+        }
+        let mut bounds = Bounds {
             estimate: vec![0.0; chunks],
             sample: vec![0.0; chunks],
         };
-        // Rows y − down to y + down, row y at y mod their number.
-        let around = 2 * down + 1;
-        let mut bounds = vec![unknown; around];
-        for ahead in 0..2 * down {
-            self.bound(ahead, &mut bounds[ahead % around]);
-        }
         // Which samples count, a bit each, of the rows that wait to be added: those below still ask what
         // they were before.
         let mut weights = vec![vec![0_u64; chunks]; down + 1];
@@ -148,16 +184,46 @@ impl NullaryFnOnce for Block<'_, '_> {
         for y in 0..count + down {
             if y < count {
                 let next = y + 2 * down;
-                self.bound(next, &mut bounds[next % around]);
-                let three = [y, y + down, next].map(|row| &bounds[row % around]);
+                self.find_largest(next, &mut largest[next % around]);
+                let three = [y, y + down, next];
+                let samples = three.map(|row| largest[row % around].as_slice());
+                bounds.of_rows(three.map(|row| self.before(row)), samples);
                 let weight = &mut weights[y % (down + 1)];
-                self.weigh(y, three, &mut reach, weight, &mut outcome.warm);
+                self.weigh(y, &bounds, &mut reach, weight, &mut outcome.warm);
             }
             if let Some(done) = y.checked_sub(down) {
                 self.add(done, &weights[done % (down + 1)], &mut outcome);
             }
         }
         outcome
+    }
+}
+
+impl Bounds {
+    /// Those of three rows, one of which may not be there, with the largest samples of each.
+    #[inline(always)]
+    fn of_rows(&mut self, rows: [Option<Rows<'_>>; 3], [a, b, c]: [&[f32]; 3]) {
+        for (i, sample) in self.sample.iter_mut().enumerate() {
+            let two = if a[i] > b[i] { a[i] } else { b[i] };
+            *sample = if c[i] > two { c[i] } else { two };
+        }
+        self.estimate.fill(0.0);
+        for row in rows.into_iter().flatten() {
+            for (estimate, common) in self.estimate.iter_mut().zip(row.common) {
+                let most = common.most;
+                *estimate = if most > *estimate { most } else { *estimate };
+            }
+        }
+    }
+
+    /// The largest estimate and sample of a chunk and those beside it.
+    #[inline(always)]
+    fn about(&self, chunk: usize) -> [f32; 2] {
+        let beside = chunk.saturating_sub(1)..(chunk + 2).min(self.sample.len());
+        [&self.estimate, &self.sample].map(|of| {
+            let chunks = of[beside.clone()].iter();
+            chunks.fold(0.0, |most, value| if *value > most { *value } else { most })
+        })
     }
 }
 
@@ -191,6 +257,7 @@ impl Block<'_, '_> {
                 let own = Rows {
                     sum: self.sum,
                     set: self.set,
+                    common: self.common,
                 };
                 own.row(y, row)
             }
@@ -207,33 +274,19 @@ impl Block<'_, '_> {
         (start + row <= self.step.samples.len()).then_some(start)
     }
 
-    /// Fills the bounds of the row that is number `ahead` from `down` rows above the block.
+    /// The largest sample of each chunk of the row that is number `ahead` from `down` rows above the
+    /// block, DN, none below 0.
     #[inline(always)]
-    fn bound(&self, ahead: usize, into: &mut Bounds) {
-        match self.before(ahead) {
-            Some(Rows { sum, set }) => {
-                let chunks = sum.chunks(CHUNK).zip(set.chunks(CHUNK));
-                for ((sum, set), largest) in chunks.zip(&mut into.estimate) {
-                    let per_time = &self.step.tables.per_time;
-                    *largest = match only(set) {
-                        Some(set) => largest_of(sum) * per_time[usize::from(set)],
-                        None => sum.iter().zip(set).fold(0.0, |most: f32, (sum, set)| {
-                            most.max(sum * per_time[usize::from(*set)])
-                        }),
-                    };
-                }
-            }
-            None => into.estimate.fill(0.0),
-        }
+    fn find_largest(&self, ahead: usize, into: &mut [f32]) {
         match self.start(ahead) {
             Some(first) => {
                 let row = self.step.layout.row;
-                for (largest, start) in into.sample.iter_mut().zip((0..row).step_by(CHUNK)) {
+                for (largest, start) in into.iter_mut().zip((0..row).step_by(CHUNK)) {
                     let end = (start + CHUNK).min(row);
                     *largest = largest_sample(self.step.samples, first + start..first + end);
                 }
             }
-            None => into.sample.fill(0.0),
+            None => into.fill(0.0),
         }
     }
 
@@ -251,7 +304,7 @@ impl Block<'_, '_> {
     fn weigh(
         &self,
         y: usize,
-        bounds: [&Bounds; 3],
+        bounds: &Bounds,
         reach: &mut Reach,
         weight: &mut [u64],
         warm: &mut Vec<(usize, f32)>,
@@ -260,7 +313,6 @@ impl Block<'_, '_> {
         let Layout { row, channels, .. } = step.layout;
         let first = (self.first + y) * row;
         let least_warm = step.warm.iter().copied().fold(f32::INFINITY, f32::min);
-        let last = weight.len() - 1;
         for (chunk, weight) in weight.iter_mut().enumerate() {
             let start = chunk * CHUNK;
             let end = (start + CHUNK).min(row);
@@ -277,14 +329,7 @@ impl Block<'_, '_> {
             }
             // Most of a picture is far below the limit in most frames, and then no mean of
             // neighbours can be above it.
-            let beside = chunk.saturating_sub(1)..=(chunk + 1).min(last);
-            let (mut brightest, mut largest) = (0.0_f32, 0.0_f32);
-            for row in bounds {
-                for chunk in beside.clone() {
-                    brightest = brightest.max(row.estimate[chunk]);
-                    largest = largest.max(row.sample[chunk]);
-                }
-            }
+            let [brightest, largest] = bounds.about(chunk);
             // What a rounding may be off counts for the limit.
             let most = 1.000_01 * brightest * step.exposure + dark_most;
             *weight = if most <= 0.999_99 * step.neighbours_limit && largest < step.white {
@@ -312,16 +357,28 @@ impl Block<'_, '_> {
             let (value, present) = (&mut reach.value[k][..wide], &mut reach.present[k][..wide]);
             value.fill(0.0);
             present.fill(0.0);
-            if let Some(Rows { sum, set }) = self.before(ahead) {
-                let targets = value[filled.clone()]
-                    .iter_mut()
-                    .zip(&mut present[filled.clone()]);
-                let sums = sum[inside.clone()].iter().zip(&set[inside.clone()]);
-                for ((value, present), (sum, set)) in targets.zip(sums) {
-                    let per_time = step.tables.per_time[usize::from(*set)];
-                    *value = sum * per_time;
-                    *present = if per_time > 0.0 { 1.0 } else { 0.0 };
-                }
+            if let Some(rows) = self.before(ahead) {
+                let mut at = filled.start;
+                rows.parts(inside.clone(), |sums, sets, common| {
+                    let value = &mut value[at..at + sums.len()];
+                    let present = &mut present[at..at + sums.len()];
+                    at += sums.len();
+                    let per_time = |set: u16| step.tables.per_time[usize::from(set)];
+                    if let Some(set) = common {
+                        let per_time = per_time(set);
+                        for (value, sum) in value.iter_mut().zip(sums) {
+                            *value = sum * per_time;
+                        }
+                        present.fill(if per_time > 0.0 { 1.0 } else { 0.0 });
+                        return;
+                    }
+                    let targets = value.iter_mut().zip(present);
+                    for ((value, present), (sum, set)) in targets.zip(sums.iter().zip(sets)) {
+                        let per_time = per_time(*set);
+                        *value = sum * per_time;
+                        *present = if per_time > 0.0 { 1.0 } else { 0.0 };
+                    }
+                });
             }
             let seen = &mut reach.seen[k][..wide];
             seen.fill(0.0);
@@ -376,20 +433,27 @@ impl Block<'_, '_> {
         let Layout { row, channels, .. } = step.layout;
         let first = (self.first + y) * row;
         let with_frame = &step.tables.with_frame;
+        let per_time = &step.tables.per_time;
         let sums = self.sum[y * row..(y + 1) * row].chunks_mut(CHUNK);
         let sets = self.set[y * row..(y + 1) * row].chunks_mut(CHUNK);
-        for ((chunk, weight), (sum, set)) in weight.iter().enumerate().zip(sums.zip(sets)) {
+        let chunks = weight.len();
+        let commons = &mut self.common[y * chunks..(y + 1) * chunks];
+        let rows = sums.zip(sets).zip(commons);
+        for ((chunk, weight), ((sum, set), common)) in weight.iter().enumerate().zip(rows) {
             let start = first + chunk * CHUNK;
             let n = sum.len();
             let mut weight = *weight;
-            let one = only(set).map(|one| (one, with_frame[usize::from(one)]));
+            let one = common.set.map(|one| (one, with_frame[usize::from(one)]));
             match one {
                 Some((one, next)) if weight == all_of(n) && next != one => {
-                    set.fill(next);
+                    common.set = Some(next);
                     outcome.of_set[usize::from(next)] += n as u64;
                 }
                 Some((one, _)) if weight == 0 => outcome.of_set[usize::from(one)] += n as u64,
                 _ => {
+                    if let Some((one, _)) = one {
+                        set.fill(one);
+                    }
                     for (i, number) in set.iter_mut().enumerate() {
                         let next = with_frame[usize::from(*number)];
                         // A set that is its own successor takes no more frames.
@@ -400,12 +464,19 @@ impl Block<'_, '_> {
                         }
                         outcome.of_set[usize::from(*number)] += 1;
                     }
+                    common.set = only(set);
                 }
             }
             if weight == 0 {
                 continue;
             }
             step.add_net(start..start + n, weight, sum);
+            common.most = match common.set {
+                Some(set) => largest_of(sum) * per_time[usize::from(set)],
+                None => sum.iter().zip(&*set).fold(0.0, |most: f32, (sum, set)| {
+                    most.max(sum * per_time[usize::from(*set)])
+                }),
+            };
             if let [used] = outcome.used.as_mut_slice() {
                 *used += u64::from(weight.count_ones());
             } else if weight == all_of(n) {
@@ -562,6 +633,17 @@ mod tests {
             let predicted = expected(layout, height, &estimates);
             for rows in [height, 5, 2] {
                 let (mut sums, mut numbers) = (sum.clone(), set.clone());
+                let estimate = |at: usize| sum[at] * tables.per_time[usize::from(set[at])];
+                // A chunk where all are of one set is known by that alone.
+                let common: Vec<Common> = (0..n)
+                    .step_by(84)
+                    .flat_map(|row| [row..row + CHUNK, row + CHUNK..row + 84])
+                    .map(|chunk| Common {
+                        set: only(&set[chunk.clone()]),
+                        most: chunk.map(estimate).fold(0.0, f32::max),
+                    })
+                    .collect();
+                let mut commons = common.clone();
                 let mut used = 0;
                 for first in (0..height).step_by(rows) {
                     let last = (first + rows).min(height);
@@ -569,6 +651,7 @@ mod tests {
                         (from < to).then(|| Rows {
                             sum: &sum[from * 84..to * 84],
                             set: &set[from * 84..to * 84],
+                            common: &common[from * 2..to * 2],
                         })
                     };
                     let block = Block {
@@ -576,6 +659,7 @@ mod tests {
                         first,
                         sum: &mut sums[first * 84..last * 84],
                         set: &mut numbers[first * 84..last * 84],
+                        common: &mut commons[first * 2..last * 2],
                         above: of(first.saturating_sub(down), first),
                         below: of(last, (last + down).min(height)),
                     };
@@ -600,7 +684,9 @@ mod tests {
                     } else {
                         (sum[i], set[i])
                     };
-                    assert_eq!((sums[i], numbers[i]), (value, number), "{layout:?} {i}");
+                    let found = commons[i / 84 * 2 + i % 84 / CHUNK].set;
+                    let found = found.unwrap_or(numbers[i]);
+                    assert_eq!((sums[i], found), (value, number), "{layout:?} {i}");
                 }
                 assert_eq!(used, expected_used);
                 assert!(used > n as u64 / 4 && used < n as u64);

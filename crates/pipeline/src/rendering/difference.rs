@@ -5,7 +5,7 @@ use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, open, split};
 use crate::fit_json::SCHEMA_VERSION;
 use formats::{encode_png, read_radiance};
-use physics::{Frame, RadianceMap, Samples};
+use physics::{Frame, RadianceMap};
 use serde::Serialize;
 use std::path::Path;
 
@@ -277,7 +277,7 @@ pub(super) fn difference_frame(a: &RadianceMap, b: &RadianceMap) -> (Frame, f64)
     sizes.sort_by(f64::total_cmp);
     let full = sizes[pixels * 99 / 100].max(f64::MIN_POSITIVE);
     let code = |x: f64| (x.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
-    let samples = difference
+    let samples: Vec<u16> = difference
         .iter()
         .flat_map(|d| {
             let t = 0.5 * (d / full).clamp(-1.0, 1.0);
@@ -288,7 +288,7 @@ pub(super) fn difference_frame(a: &RadianceMap, b: &RadianceMap) -> (Frame, f64)
         width: a.width,
         height: a.height,
         channels: 3,
-        samples: Samples::U16(samples),
+        samples: samples.into(),
     };
     (frame, full)
 }

@@ -5,7 +5,7 @@ use crate::error::{Error, Kind, Result};
 use crate::files::{Outputs, read, split};
 use crate::fit_json::SCHEMA_VERSION;
 use formats::{RadianceFile, encode_png, write_radiance};
-use physics::{ChannelMap, Frame, RadianceMap, Samples};
+use physics::{ChannelMap, Frame, RadianceMap};
 use render::method::COMPONENTS;
 use render::{Entry, Film, Gather, Ledger, Picture};
 use serde::Serialize;
@@ -342,7 +342,7 @@ pub(super) fn developed(
         };
         (y * f64::from(u16::MAX)).round() as u16
     };
-    let samples = (0..pixels)
+    let samples: Vec<u16> = (0..pixels)
         .flat_map(|pixel| (0..shown).map(move |channel| (pixel, channel)))
         .map(|(pixel, channel)| code(values[channel * pixels + pixel]))
         .collect();
@@ -350,7 +350,7 @@ pub(super) fn developed(
         width,
         height,
         channels: shown,
-        samples: Samples::U16(samples),
+        samples: samples.into(),
     };
     (frame, exposure)
 }
