@@ -96,7 +96,8 @@ pub(crate) struct SynthArgs {
     /// A file with material, eta and coefficients of each channel.
     #[arg(long, value_name = "FILE")]
     pub(crate) medium: Option<PathBuf>,
-    /// Model that makes the light: any that `fit` knows; monte-carlo needs --g.
+    /// Model that makes the light: any that `fit` knows (monte-carlo needs --g), or render, the
+    /// renderer's volume transport, with the noise of its photons.
     #[arg(long, default_value = "dipole", value_name = "MODEL")]
     pub(crate) model: String,
     /// Mean cosine of the scattering angle, for a model that uses it.
@@ -105,6 +106,9 @@ pub(crate) struct SynthArgs {
     /// Camera, beam and reference as TOML; a laboratory's by default.
     #[arg(long, value_name = "FILE")]
     pub(crate) camera: Option<PathBuf>,
+    /// Photons of each channel, of `--model render`.
+    #[arg(long, default_value = "1e6", value_name = "N", value_parser = photons)]
+    pub(crate) photons: u64,
     /// Seed of every random number.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub(crate) seed: u64,

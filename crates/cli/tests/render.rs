@@ -394,3 +394,70 @@ fn profiles_and_tables_are_compared() {
         assert!(code == Some(3) && error.contains(said), "{error}");
     }
 }
+
+/// The loop closed: a spot that the renderer made, through the frames of a camera, gives the
+/// coefficients back that were rendered.
+#[test]
+fn a_rendered_spot_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let medium = "material = \"wax\"\neta = 1.4\n[[channel]]\nname = \"Y\"\n\
+                  sigma_a_per_mm = 0.06\nsigma_s_prime_per_mm = 1.1\n";
+    fs::write(path.join("wax.toml"), medium).unwrap();
+    let camera = "width = 160\nheight = 160\nmm_per_pixel = 0.15\nchannels = \"mono\"\nbeam_fwhm_mm = 0.6\n\
+                  [reference]\nu_reflectance = 0.0\n";
+    fs::write(path.join("camera.toml"), camera).unwrap();
+    let synth = |medium: &str, camera: &str, to: &str| {
+        let arguments = [
+            "synth",
+            "--medium",
+            medium,
+            "--camera",
+            camera,
+            "--model",
+            "render",
+            "--photons",
+            "3e5",
+            "-o",
+            to,
+        ];
+        call(path, &arguments)
+    };
+    let (code, _, error) = synth("wax.toml", "camera.toml", "capture");
+    assert_eq!(code, Some(0), "{error}");
+    let measure = [
+        "measure",
+        "capture/capture.toml",
+        "-o",
+        "result",
+        "--model",
+        "monte-carlo",
+        "--g",
+        "0",
+        "--no-confirm",
+    ];
+    let (code, out, error) = call(path, &measure);
+    assert_eq!(code, Some(0), "{out}{error}");
+    let fit = fs::read_to_string(path.join("result/fit.json")).unwrap();
+    let fit: serde_json::Value = serde_json::from_str(&fit).unwrap();
+    for (key, truth) in [("sigma_a_per_mm", 0.06), ("sigma_s_prime_per_mm", 1.1)] {
+        let found = fit["channels"][0][key]["value"].as_f64().unwrap();
+        println!("{key}: {found} of {truth}");
+        // Photons of the rendering: a percent or so.
+        assert!(
+            (found / truth - 1.0).abs() < 0.03,
+            "{key}: {found} of {truth}"
+        );
+    }
+    let tilted = format!("{camera}camera_angle_deg = 20\n");
+    fs::write(path.join("tilted.toml"), tilted).unwrap();
+    fs::write(path.join("clear.toml"), medium.replace("0.06", "0")).unwrap();
+    for (medium, camera, said) in [
+        ("wax.toml", "tilted.toml", "camera_angle_deg"),
+        ("clear.toml", "camera.toml", "without absorption"),
+    ] {
+        let (code, _, error) = synth(medium, camera, "other");
+        assert!(code == Some(3) && error.contains(said), "{error}");
+        assert!(!path.join("other").exists());
+    }
+}

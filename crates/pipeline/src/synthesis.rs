@@ -5,10 +5,16 @@ use crate::files::Outputs;
 use crate::library::{self, ModelChoice};
 use crate::monitor::Monitor;
 use formats::capture as manifest;
-use physics::{Coefficients, ForwardModel};
+use physics::{Coefficients, ForwardModel, Medium};
+use render::camera::Lens;
+use render::{
+    HalfSpace, Lamp, Material, Method, MonteCarlo, Object, Options, Scene, Shape, Spot, Vec3, View,
+};
+use std::f64::consts::PI;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use synth::{Camera, Capture, Role, Sample, Shot};
+use synth::{Camera, Capture, PictureOf, Role, Sample, Shot, Wanted};
 
 /// The shipped material called `name`, as a sample.
 ///
@@ -89,12 +95,38 @@ fn file_name(shot: &Shot) -> String {
     format!("{folder}/{prefix}_{:02}{repeat}.tif", shot.exposure + 1)
 }
 
-/// Writes the capture of `sample` by `camera` into `folder`: frames as 16-bit TIFF,
-/// `capture.toml` and `truth.json`.
+/// What makes the light of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Light {
+    /// A model of the profile.
+    Model(ModelChoice),
+    /// The renderer: a half-space of the sample under the beam, by volume transport.
+    Rendered {
+        /// Mean cosine of the scattering angle.
+        g: f64,
+        /// Photons of each channel.
+        photons: u64,
+    },
+}
+
+impl Light {
+    /// The model of the white, and of what `truth.json` says of the sample.
+    fn model(&self) -> ModelChoice {
+        match self {
+            Self::Model(model) => model.clone(),
+            Self::Rendered { g, .. } => ModelChoice {
+                g: Some(*g),
+                ..ModelChoice::default().called("monte-carlo")
+            },
+        }
+    }
+}
+
+/// [`photograph`] in the light of a model.
 ///
 /// # Errors
 ///
-/// The camera or the sample is impossible, the model unknown, or the folder holds such files.
+/// As [`photograph`].
 pub fn write(
     sample: &Sample,
     camera: Camera,
@@ -104,13 +136,58 @@ pub fn write(
     force: bool,
     monitor: &dyn Monitor,
 ) -> Result<PathBuf> {
+    let light = Light::Model(model.clone());
+    photograph(sample, camera, &light, seed, folder, force, monitor)
+}
+
+/// Writes the capture of `sample` by `camera` into `folder`: frames as 16-bit TIFF,
+/// `capture.toml` and `truth.json`.
+///
+/// A rendered picture has noise of its photons that the frames do not know of; a fit to them states
+/// too small a u.
+///
+/// # Errors
+///
+/// The camera or the sample is impossible, the model unknown, or the folder holds such files.
+pub fn photograph(
+    sample: &Sample,
+    camera: Camera,
+    light: &Light,
+    seed: u64,
+    folder: &Path,
+    force: bool,
+    monitor: &dyn Monitor,
+) -> Result<PathBuf> {
+    let model = &light.model();
     library::model(model, sample.eta)?;
     let sample = &seen_by(&camera, sample);
     let at = |eta: f64| -> Box<dyn ForwardModel> {
         library::model(model, eta).expect("the name was tried above")
     };
-    let capture =
-        Capture::new(sample, camera, &at, seed).input(format!("synth {}", sample.material))?;
+    if let Light::Rendered { photons, .. } = light {
+        if *photons == 0 {
+            return Err(Error::new(Kind::Usage, "expected at least one photon"));
+        }
+        if let Some((channel, _)) = sample.channels.iter().find(|(_, c)| c.sigma_a == 0.0) {
+            let message = format!(
+                "synth {}, channel {channel}: a half-space without absorption keeps light for ever, and cannot be rendered; give it some, or take model monte-carlo",
+                sample.material
+            );
+            return Err(Error::new(Kind::Input, message));
+        }
+    }
+    let made = camera.clone();
+    let picture = |wanted: &Wanted| match *light {
+        Light::Rendered { g, photons } => spot(&made, wanted, g, photons, seed, monitor),
+        Light::Model(_) => vec![],
+    };
+    let pictures: Option<PictureOf> = match light {
+        Light::Rendered { .. } => Some(&picture),
+        Light::Model(_) => None,
+    };
+    let capture = Capture::pictured(sample, camera, &at, pictures, seed)
+        .input(format!("synth {}", sample.material))?;
+    monitor.check()?;
     let shots = capture.shots();
     let names = shots
         .iter()
@@ -136,6 +213,97 @@ pub fn write(
     outputs.write("truth.json", |out| Ok(out.write_all(truth.as_bytes())?))?;
     outputs.commit()?;
     Ok(folder.join("capture.toml"))
+}
+
+/// A rendered picture of a half-space under the beam, π times the radiance per incident power.
+///
+/// It is the sum of rounds; an interrupt ends it early, which the caller has to look for.
+fn spot(
+    camera: &Camera,
+    wanted: &Wanted,
+    g: f64,
+    photons: u64,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Vec<f32> {
+    let side = wanted.mm_per_pixel;
+    let (width, height) = (camera.width, camera.height);
+    // Right is +x and down the picture -y, seen along -z with +y up.
+    let [x, y] = wanted.spot_px;
+    let from = Vec3::new(
+        (x + 0.5 - 0.5 * width as f64) * side,
+        -(y + 0.5 - 0.5 * height as f64) * side,
+        100.0,
+    );
+    let view = View {
+        from: Vec3::new(0.0, 0.0, 100.0),
+        to: Vec3::ZERO,
+        up: Vec3::Y,
+        width,
+        height,
+    };
+    let lens = Lens::Orthographic {
+        height: height as f64 * side,
+    };
+    let fwhm = camera.beam_fwhm_mm;
+    let Coefficients {
+        sigma_a,
+        sigma_s_prime,
+    } = wanted.coefficients;
+    let scene = Scene {
+        channels: vec!["Y".to_owned()],
+        objects: vec![Object {
+            name: "sample".to_owned(),
+            shape: Shape::HalfSpace(HalfSpace {
+                point: Vec3::ZERO,
+                normal: Vec3::Z,
+            }),
+            material: Material {
+                media: vec![Medium {
+                    sigma_a,
+                    sigma_s: sigma_s_prime / (1.0 - g),
+                    g,
+                    eta: wanted.eta,
+                }],
+            },
+        }],
+        lamps: vec![Lamp {
+            light: render::Light::Beam {
+                from,
+                direction: Vec3::NEG_Z,
+                spot: match camera.beam_profile {
+                    // FWHM = 2 √(2 ln 2) σ.
+                    synth::BeamProfile::Gaussian if fwhm > 0.0 => {
+                        Spot::Gaussian(fwhm / (8.0 * 2.0_f64.ln()).sqrt())
+                    }
+                    _ => Spot::Disk(0.5 * fwhm),
+                },
+            },
+            strength: vec![1.0],
+        }],
+        camera: render::Camera::new(view, lens).expect("a camera that was checked"),
+    };
+    const ROUNDS: u64 = 16;
+    let options = Options {
+        seed: seed.wrapping_add(wanted.channel as u64),
+        photons: photons.div_ceil(ROUNDS),
+        components: false,
+        rings: None,
+    };
+    let method = MonteCarlo::new(&scene, options).expect("a beam on a half-space");
+    let mut picture = method.empty();
+    monitor.begin("rendering", ROUNDS);
+    method.run(0..ROUNDS, &mut picture, &mut |_| {
+        monitor.step();
+        if monitor.stopped() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    (0..width * height)
+        .map(|pixel| (PI * picture.radiance.estimate(pixel).value) as f32)
+        .collect()
 }
 
 /// The sample as the camera sees it: a mono camera sees the green of an RGB sample.

@@ -27,6 +27,24 @@ pub type Corners = [[f64; 2]; 4];
 /// Makes the model of diffuse reflectance for a relative index.
 pub type ModelAt<'a> = &'a dyn Fn(f64) -> Box<dyn ForwardModel>;
 
+/// A picture of the sample to be made otherwise than by the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// Which channel of the camera, from 0.
+    pub channel: usize,
+    /// The sample in that channel.
+    pub coefficients: Coefficients,
+    /// Its true relative index.
+    pub eta: f64,
+    /// True side of a pixel, mm.
+    pub mm_per_pixel: f64,
+    /// Where the beam falls, the middle of the first pixel being (0, 0).
+    pub spot_px: [f64; 2],
+}
+
+/// Makes such a picture: π times the radiance of every pixel per incident power, mm⁻², row by row.
+pub type PictureOf<'a> = &'a dyn Fn(&Wanted) -> Vec<f32>;
+
 /// What a shot shows.
 #[derive(Clone, Copy, Debug, Eq, Hash, Ord, PartialEq, PartialOrd)]
 pub enum Role {
@@ -82,7 +100,39 @@ impl Capture {
         model: ModelAt,
         seed: u64,
     ) -> Result<Self, SynthError> {
+        Self::pictured(sample, camera, model, None, seed)
+    }
+
+    /// As [`Self::new`], but with pictures of the sample from elsewhere, if there are some: the white
+    /// is the model's all the same.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`]; [`SynthError::Pictured`] names what a picture has not.
+    pub fn pictured(
+        sample: &Sample,
+        camera: Camera,
+        model: ModelAt,
+        pictures: Option<PictureOf>,
+        seed: u64,
+    ) -> Result<Self, SynthError> {
         let camera = camera.validated()?;
+        if pictures.is_some() {
+            for (key, plain) in [
+                ("camera_angle_deg", camera.camera_angle_deg == 0.0),
+                ("camera_distance_mm", camera.camera_distance_mm.is_none()),
+                ("pixel_aspect", camera.pixel_aspect == 1.0),
+                ("beam_angle_deg", camera.beam_angle_deg == 0.0),
+                ("frame_shift_px", camera.frame_shift_px == 0.0),
+                ("flare_relative", camera.flare_relative == 0.0),
+                ("entry_loss", camera.entry_loss),
+                ("exit", camera.exit == Exit::Fresnel),
+            ] {
+                if !plain {
+                    return Err(SynthError::Pictured(key));
+                }
+            }
+        }
         let coefficients = in_camera_order(sample, camera.channels)?;
         let draws = Draws::new(sample, &camera, seed);
         let whites = reference_coefficients(&camera);
@@ -137,7 +187,20 @@ impl Capture {
             // Whatever the white absorbs or loses on its way is in its certified reflectance.
             let white_factor = reflectance / reference_model.beyond(white, 0.0);
             let exit = exit_of(at);
-            let glow = picture("sample", &*sample_model, at, &exit, entry_factor)?;
+            let mut glow = picture("sample", &*sample_model, at, &exit, entry_factor)?;
+            if let Some(pictures) = pictures {
+                let pixels = pictures(&Wanted {
+                    channel: index,
+                    coefficients: at,
+                    eta: draws.eta,
+                    mm_per_pixel: draws.mm_per_pixel,
+                    spot_px: view.spot_px,
+                });
+                assert_eq!(pixels.len(), camera.width * camera.height);
+                // What enters, and how it leaves, is in the picture already.
+                let brightest = pixels.iter().fold(0.0_f32, |m, v| m.max(*v));
+                glow = (pixels, f64::from(brightest), 1.0, glow.3);
+            }
             let lambert = ExitFactor::even(1.0);
             let white_glow = picture(
                 "reference",

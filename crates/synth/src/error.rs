@@ -100,4 +100,7 @@ pub enum SynthError {
         /// Exitance per incident power of the brightest pixel, mm⁻².
         peak_per_mm2: f64,
     },
+    /// A picture from elsewhere has not what the camera asks for.
+    #[error("{0}: a rendered picture is seen from straight above, without it; leave it out")]
+    Pictured(&'static str),
 }

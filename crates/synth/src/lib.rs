@@ -35,6 +35,6 @@ mod sensor;
 pub mod truth;
 
 pub use camera::{BeamProfile, Camera, Channels, Exit, WhiteReference};
-pub use capture::{Capture, ModelAt, Role, Sample, Shot};
+pub use capture::{Capture, ModelAt, PictureOf, Role, Sample, Shot, Wanted};
 pub use error::SynthError;
 pub use truth::{ChannelTruth, Truth};

@@ -3,6 +3,7 @@
 use super::print;
 use crate::args::{Common, SynthArgs};
 use pipeline::library::ModelChoice;
+use pipeline::synthesis::Light;
 use pipeline::{Monitor, Result, synthesis};
 use serde::Serialize;
 use std::io::Write;
@@ -27,6 +28,7 @@ pub(crate) fn run(
         model,
         g,
         camera,
+        photons,
         seed,
         output,
     } = args;
@@ -39,15 +41,22 @@ pub(crate) fn run(
         Some(path) => synthesis::camera_from(path)?,
         None => synth::Camera::default(),
     };
-    let model = ModelChoice {
-        name: model.clone(),
-        g: *g,
-        ..ModelChoice::default()
+    let light = if model == "render" {
+        Light::Rendered {
+            g: g.unwrap_or(0.0),
+            photons: *photons,
+        }
+    } else {
+        Light::Model(ModelChoice {
+            name: model.clone(),
+            g: *g,
+            ..ModelChoice::default()
+        })
     };
-    let capture = synthesis::write(
+    let capture = synthesis::photograph(
         &sample,
         camera,
-        &model,
+        &light,
         *seed,
         output,
         common.force,
