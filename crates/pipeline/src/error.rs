@@ -61,6 +61,16 @@ impl Error {
     }
 }
 
+/// It names its channel itself.
+impl From<fit::FitError> for Error {
+    fn from(error: fit::FitError) -> Self {
+        Self {
+            kind: Kind::Input,
+            source: error.into(),
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#}", self.source)

@@ -1,7 +1,7 @@
 //! The fit of every channel, with the uncertainty of what it took as given.
 
 use crate::discrepancy::{Discrepancy, with_grain};
-use crate::error::{Blame, Error, Kind, Result};
+use crate::error::{Error, Kind, Result};
 use crate::library::{self, ModelChoice};
 use fit::{
     Constraint, Contribution, Direction, DirectionKind, Estimate, Fit, FitError, FitOptions,
@@ -338,7 +338,7 @@ pub fn fit_channel(
 pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Result<ManyFits> {
     let model = given.model()?;
     let options = given.options(given.u_scale(scale));
-    let mut found = fit::fit_many(profiles, &*model, &options).input("profiles")?;
+    let mut found = fit::fit_many(profiles, &*model, &options)?;
     let truths = given.truths();
     if truths.is_empty() {
         return Ok(found);
@@ -413,8 +413,7 @@ fn fit_beside(
     if let Some(near) = near.filter(|_| given.range_mm.is_none()) {
         // What the form itself finds may be far off before its error is known.
         let options = given.options(u_scale_relative);
-        let place = || format!("channel {}", profile.channel);
-        given.range_mm = Some(fit::trusted_range(&profile, near, &options).input(place())?);
+        given.range_mm = Some(fit::trusted_range(&profile, near, &options)?);
     }
     let given = &given;
     let case = Case {
@@ -658,8 +657,7 @@ impl Case {
         };
         options.directions.extend_from_slice(bends);
         options.directions.extend(of_model);
-        fit::fit(profile, total.as_ref(), &*model, &options)
-            .input(format!("channel {}", profile.channel))
+        Ok(fit::fit(profile, total.as_ref(), &*model, &options)?)
     }
 
     /// Every point times its own factor, and the total times `total`.

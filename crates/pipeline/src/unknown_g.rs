@@ -39,13 +39,12 @@ pub fn settled(
     if !given.model.lacks_g() {
         return Ok(given.clone());
     }
-    let place = || format!("channel {}", profile.channel);
     let family = TransportFamily::new(given.eta).input("model monte-carlo")?;
     let u_scale = given.u_scale(scale);
     // One range for every g, or their χ² would not compare.
     let mut options = given.options(u_scale);
     let first = family.at(STAND_IN).input("model monte-carlo")?;
-    let start = fit::fit(profile, total, &first, &options).input(place())?;
+    let start = fit::fit(profile, total, &first, &options)?;
     options.range_mm = Some(start.range_mm);
     // The table's own error near the beam must not be taken for news of g.
     let mut profile = profile.clone();
