@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 /// Radii of the balls in transport lengths.
 const RADII: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 /// Walks that are remembered of each.
-const WALKS: usize = 4096;
+const WALKS: usize = 1024;
 
 /// How a walk that starts in the middle along the z axis leaves a ball.
 #[derive(Clone, Copy)]
