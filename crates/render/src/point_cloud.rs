@@ -50,6 +50,8 @@ const SPACING: f64 = 0.6;
 const SPACING_OF_RADIUS: f64 = 0.045;
 /// Most points of one solid, whatever the spacing asks for; and fewest.
 const MOST: f64 = 1e6;
+/// Most under the bell, which looks at all points within its radius from each of them.
+const MOST_OF_BELL: f64 = 1.2e5;
 const LEAST: f64 = 1e3;
 /// Rays of a beam in one round.
 const RAYS: usize = 256;
@@ -173,7 +175,11 @@ impl<'a> PointCloud<'a> {
                 Gather::Smoothstep { .. } => SPACING_OF_RADIUS * least(&radii),
             };
             let area = surface.as_ref().map_or(0.0, Surface::area);
-            let points = (area / (side * side)).clamp(LEAST, MOST) as usize;
+            let most = match gather {
+                Gather::Hierarchy { .. } => MOST,
+                Gather::Smoothstep { .. } => MOST_OF_BELL,
+            };
+            let points = (area / (side * side)).clamp(LEAST, most) as usize;
             Ok(Solid {
                 surface: surface.filter(|_| covered),
                 points,

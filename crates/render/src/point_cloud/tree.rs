@@ -160,9 +160,10 @@ impl Tree {
         }
     }
 
-    /// Tells `add` of the index and the squared distance of all points within a radius.
+    /// Tells `add` of the index and the squared distance of all points within a radius, but those
+    /// of nodes that no light enters.
     pub(super) fn within(&self, from: Vec3, radius: f64, mut add: impl FnMut(usize, f64)) {
-        self.visit(from, radius * radius, &mut |k, square| {
+        self.visit(from, radius * radius, true, &mut |k, square| {
             if square < radius * radius {
                 add(k, square);
             }
@@ -181,7 +182,7 @@ impl Tree {
     ) -> Vec<(usize, f64)> {
         let mut found: Vec<(usize, f64)> = Vec::with_capacity(count + 1);
         let mut reach = radius * radius;
-        self.visit(from, reach, &mut |k, square| {
+        self.visit(from, reach, false, &mut |k, square| {
             if square < reach && wanted(&self.points[k]) {
                 let place = found.partition_point(|(_, before)| *before <= square);
                 found.insert(place, (k, square));
@@ -198,12 +199,20 @@ impl Tree {
     }
 
     /// Shows the points of every node whose box is nearer than the root of `reach`, which is
-    /// afterwards what `look` returned last.
-    fn visit(&self, from: Vec3, mut reach: f64, look: &mut impl FnMut(usize, f64) -> f64) {
+    /// afterwards what `look` returned last; those that no light enters only if not `lit`.
+    fn visit(
+        &self,
+        from: Vec3,
+        mut reach: f64,
+        lit: bool,
+        look: &mut impl FnMut(usize, f64) -> f64,
+    ) {
         let mut index = 0;
         while let Some(node) = self.nodes.get(index) {
             let nearest = from.clamp(node.low, node.high);
-            if (nearest - from).length_squared() > reach {
+            let powers = &self.node_powers[index * self.channels..][..self.channels];
+            let dark = lit && powers.iter().all(|power| *power == 0.0);
+            if dark || (nearest - from).length_squared() > reach {
                 index = node.next;
             } else if node.next == index + 1 {
                 for k in node.points.clone() {
