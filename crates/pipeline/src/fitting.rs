@@ -96,12 +96,6 @@ pub enum Change {
     G(f64),
 }
 
-impl Variant {
-    fn is_beam(&self) -> bool {
-        matches!(self.change, Change::Beam(_))
-    }
-}
-
 /// An input that is one number and bends a profile in a way that no medium does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bending {
@@ -215,19 +209,15 @@ impl Given {
     pub(crate) fn exact(&self) -> Self {
         let carried = Self {
             u_length_relative: 0.0,
+            variants: vec![],
             ..self.clone()
         };
         if self.carries_inputs() {
-            let beams = self.variants.iter();
-            return Self {
-                variants: beams.filter(|v| v.is_beam()).cloned().collect(),
-                ..carried
-            };
+            return carried;
         }
         Self {
             u_eta: 0.0,
             u_fwhm_mm: 0.0,
-            variants: vec![],
             ..carried
         }
     }
@@ -307,10 +297,10 @@ impl Given {
 
 /// Fits one channel; `scale` lists what makes the scale uncertain that profile and total share.
 ///
-/// What η and the beam may be off bends the whole profile together: the fit weighs its data with
+/// What η and a stated beam width may be off bends the whole profile together: the fit weighs its data with
 /// that, each a line of its budget, and its χ² is judged with it. The hard constraint takes them
 /// as true, and what they are uncertain by is added to its u, as are in any fit the uncertainties
-/// of the scale of length, of a g that was fitted along and of the model's own numerics.
+/// of the scale of length, of every variant of the inputs and of the model's own numerics.
 ///
 /// # Errors
 ///
@@ -460,9 +450,7 @@ fn fit_beside(
         })?;
     }
     for variants in given.variants.chunk_by(|a, b| a.name == b.name) {
-        if !(carried && variants.iter().all(Variant::is_beam)) {
-            neighbours.add_variants(&best, variants)?;
-        }
+        neighbours.add_variants(&best, variants)?;
     }
     let model = library::model(&given.model, given.eta)?;
     let found = best.coefficients();
@@ -535,12 +523,12 @@ impl Case {
             return Ok((self, best));
         }
         let inputs: Vec<Bending> = self.given.bending().collect();
+        if inputs.is_empty() {
+            return Ok((self, best));
+        }
         let mut off = vec![1.0; inputs.len()];
         for _ in 0..ROUNDS {
             self.bends = self.bends(best.coefficients(), &inputs, &off)?;
-            if self.bends.is_empty() {
-                break;
-            }
             let next = self.fitted(u_scale_relative)?;
             let moved = |last: &Estimate, next: &Estimate| {
                 (next.value - last.value).abs() > SETTLED * next.u
@@ -557,8 +545,8 @@ impl Case {
         Ok((self, best))
     }
 
-    /// What the `inputs`, and variants of the beam, do to the data of `medium` for one standard
-    /// uncertainty, each along the way to where it is off by `off` of them.
+    /// What the `inputs` do to the data of `medium` for one standard uncertainty, each along the way
+    /// to where it is off by `off` of them.
     fn bends(
         &self,
         medium: Coefficients,
@@ -586,15 +574,6 @@ impl Case {
             // An index of 1 has nowhere to go.
             let per_u = if moved == 0.0 { 0.0 } else { 1.0 / moved };
             directions.push(direction(input.source(), &given, per_u)?);
-        }
-        for variant in &self.given.variants {
-            if let Change::Beam(beam) = &variant.change {
-                let given = Given {
-                    beam: beam.clone(),
-                    ..self.given.clone()
-                };
-                directions.push(direction(variant.name, &given, variant.weight)?);
-            }
         }
         Ok(directions)
     }
