@@ -353,12 +353,12 @@ mod tests {
         let spot = |i: usize| if i == 8 * 3 + 5 { 1.0 } else { 0.0 };
         let b = map(spot);
         assert_eq!(center(&b), [5.5, 3.5]);
-        let a = map(|i| spot(i) + if i == 8 * 7 { 0.5 } else { 0.0 });
+        let a = map(|i| spot(i) + if i == 8 * 5 + 7 { 0.5 } else { 0.0 });
         let found = rings(&a, &b, [5.5, 3.5], Some(0.1));
         let off: Vec<_> = found.iter().filter(|r| r.mean[0] != r.mean[1]).collect();
         let [ring] = off[..] else { panic!("{found:?}") };
-        // √(5² + 4²) pixels away.
-        assert!(ring.radius_px[0] <= 41.0_f64.sqrt() && 41.0_f64.sqrt() <= ring.radius_px[1]);
+        // √(2² + 2²) pixels away, which is no last ring.
+        assert!(ring.radius_px[0] <= 8.0_f64.sqrt() && 8.0_f64.sqrt() <= ring.radius_px[1]);
         let pixels = 0.5 / (ring.mean[0] - ring.mean[1]);
         let z = 0.5 / (pixels * 0.02).sqrt();
         assert!((ring.z.unwrap() / z - 1.0).abs() < 1e-3, "{ring:?}");
