@@ -4,7 +4,7 @@ use crate::conclude::Summary;
 use crate::geometry::Geometry;
 use crate::options::{Constraint, FitOptions};
 use crate::problem::{self, Data, Measured, Memory};
-use crate::result::{Fit, FitError, Termination};
+use crate::result::{Estimate, Fit, FitError, Termination};
 use physics::{ForwardModel, ProfilePoint};
 use rayon::prelude::*;
 
@@ -199,33 +199,60 @@ impl ManyFits {
             return;
         }
         self.errors.retain(|e| e.0 != i);
-        self.termination[i] = found.as_ref().ok().map(|fit| fit.termination);
-        let numbers = match found {
+        match found {
             Ok(fit) => {
-                let (a, s) = (&fit.sigma_a, &fit.sigma_s_prime);
-                [
-                    a.value,
-                    a.u,
-                    a.ci95.0,
-                    a.ci95.1,
-                    s.value,
-                    s.u,
-                    s.ci95.0,
-                    s.ci95.1,
+                let rest = [
                     fit.correlation,
                     fit.scale,
                     fit.reduced_chi2,
                     fit.range_mm.0,
                     fit.share_outside,
-                ]
+                ];
+                let numbers = row(&fit.sigma_a, &fit.sigma_s_prime, rest);
+                self.put(i, numbers, Some(fit.termination));
             }
             Err(error) => {
+                self.put(i, [f64::NAN; COLUMNS], None);
                 self.errors.push((i, error));
                 self.errors.sort_by_key(|e| e.0);
-                [f64::NAN; 13]
             }
+        }
+    }
+
+    fn new(summaries: &[Option<Summary>], errors: Vec<(usize, FitError)>) -> Self {
+        let mut all = Self {
+            termination: vec![None; summaries.len()],
+            errors,
+            ..Self::default()
         };
-        let columns = [
+        for column in all.columns() {
+            *column = vec![f64::NAN; summaries.len()];
+        }
+        for (i, summary) in summaries.iter().enumerate() {
+            let Some(s) = summary else { continue };
+            let rest = [
+                s.correlation,
+                s.scale,
+                s.reduced_chi2,
+                s.range_mm.0,
+                s.share_outside,
+            ];
+            let numbers = row(&s.sigma_a, &s.sigma_s_prime, rest);
+            all.put(i, numbers, Some(s.termination));
+        }
+        all
+    }
+
+    fn put(&mut self, i: usize, row: [f64; COLUMNS], termination: Option<Termination>) {
+        self.termination[i] = termination;
+        for (column, number) in self.columns().into_iter().zip(row) {
+            column[i] = number;
+        }
+    }
+
+    /// In the order of [`row`].
+    fn columns(&mut self) -> [&mut Vec<f64>; COLUMNS] {
+        [
             &mut self.sigma_a,
             &mut self.u_sigma_a,
             &mut self.sigma_a_low,
@@ -239,36 +266,16 @@ impl ManyFits {
             &mut self.reduced_chi2,
             &mut self.start_mm,
             &mut self.share_outside,
-        ];
-        for (column, number) in columns.into_iter().zip(numbers) {
-            column[i] = number;
-        }
+        ]
     }
+}
 
-    fn new(summaries: &[Option<Summary>], errors: Vec<(usize, FitError)>) -> Self {
-        let column = |f: fn(&Summary) -> f64| -> Vec<f64> {
-            let numbers = summaries.iter().map(|s| s.as_ref().map_or(f64::NAN, f));
-            numbers.collect()
-        };
-        Self {
-            sigma_a: column(|s| s.sigma_a.value),
-            u_sigma_a: column(|s| s.sigma_a.u),
-            sigma_a_low: column(|s| s.sigma_a.ci95.0),
-            sigma_a_high: column(|s| s.sigma_a.ci95.1),
-            sigma_s_prime: column(|s| s.sigma_s_prime.value),
-            u_sigma_s_prime: column(|s| s.sigma_s_prime.u),
-            sigma_s_prime_low: column(|s| s.sigma_s_prime.ci95.0),
-            sigma_s_prime_high: column(|s| s.sigma_s_prime.ci95.1),
-            correlation: column(|s| s.correlation),
-            scale: column(|s| s.scale),
-            reduced_chi2: column(|s| s.reduced_chi2),
-            start_mm: column(|s| s.range_mm.0),
-            share_outside: column(|s| s.share_outside),
-            termination: summaries
-                .iter()
-                .map(|s| s.as_ref().map(|s| s.termination))
-                .collect(),
-            errors,
-        }
-    }
+const COLUMNS: usize = 13;
+
+/// What one profile has in every column; `rest` is what is no part of the two estimates.
+fn row(sigma_a: &Estimate, sigma_s_prime: &Estimate, rest: [f64; 5]) -> [f64; COLUMNS] {
+    let of = |e: &Estimate| [e.value, e.u, e.ci95.0, e.ci95.1];
+    let ([a, b, c, d], [e, f, g, h]) = (of(sigma_a), of(sigma_s_prime));
+    let [i, j, k, l, m] = rest;
+    [a, b, c, d, e, f, g, h, i, j, k, l, m]
 }
