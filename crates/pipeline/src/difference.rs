@@ -38,14 +38,18 @@ pub struct FileDifference {
     pub chi2_per_pair: Option<f64>,
 }
 
+/// A difference over its standard uncertainty, where that is known.
+pub(crate) fn in_u(difference: f64, u: f64) -> Option<f64> {
+    (u > 0.0 && u.is_finite()).then(|| difference / u)
+}
+
 fn pair(of: String, quantity: &'static str, a: (f64, f64), b: (f64, f64)) -> Pair {
-    let u = a.1.hypot(b.1);
     Pair {
         of,
         quantity,
         value: [a.0, b.0],
         relative: a.0 / b.0 - 1.0,
-        z: (u > 0.0 && u.is_finite()).then(|| (a.0 - b.0) / u),
+        z: in_u(a.0 - b.0, a.1.hypot(b.1)),
     }
 }
 

@@ -26,7 +26,6 @@ pub(crate) fn run(args: &CompareArgs, common: Common, out: &mut impl Write) -> R
     if let Some(flip) = found.flip {
         print::line(out, format!("mean HDR-FLIP {}", significant(flip, 3)))?;
     }
-    let sigmas = |z: Option<f64>| z.map_or(String::new(), |z| format!("{z:+.1}"));
     let rings: Vec<Vec<String>> = found
         .rings
         .iter()
@@ -75,6 +74,11 @@ pub(crate) fn run(args: &CompareArgs, common: Common, out: &mut impl Write) -> R
     Ok(())
 }
 
+/// A difference in its standard uncertainties, where they are known.
+fn sigmas(z: Option<f64>) -> String {
+    z.map_or(String::new(), |z| format!("{z:+.1}"))
+}
+
 /// The first over the second, as a difference in percent.
 fn difference([x, y]: [f64; 2]) -> String {
     if y == 0.0 {
@@ -100,7 +104,7 @@ fn files(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()>
                 significant(x, 4),
                 significant(y, 4),
                 difference(pair.value),
-                pair.z.map_or(String::new(), |z| format!("{z:+.1}")),
+                sigmas(pair.z),
             ]
         })
         .collect();

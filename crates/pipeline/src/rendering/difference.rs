@@ -1,6 +1,7 @@
 //! Two pictures beside each other.
 
 use super::flip::hdr_flip;
+use crate::difference::in_u;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, open, split};
 use crate::fit_json::SCHEMA_VERSION;
@@ -134,14 +135,13 @@ fn rings(
         }
         for (k, [n, first, second, variance]) in sums.into_iter().enumerate() {
             if n > 0.0 {
-                let known = variance > 0.0 && variance.is_finite();
                 let radius_px = [edge(k), edge(k + 1)];
                 found.push(RingDifference {
                     channel: a.name.clone(),
                     radius_px,
                     radius_mm: mm_per_pixel.map(|mm| radius_px.map(|r| mm * r)),
                     mean: [first / n, second / n],
-                    z: known.then(|| (first - second) / variance.sqrt()),
+                    z: in_u(first - second, variance.sqrt()),
                 });
             }
         }
@@ -167,11 +167,10 @@ fn faces(a: &Path, b: &Path) -> Vec<FaceDifference> {
     let second = read(b);
     let both = read(a).into_iter().filter_map(|(of, x, u)| {
         let (_, y, v) = second.iter().find(|(name, ..)| *name == of)?;
-        let u = u.hypot(*v);
         Some(FaceDifference {
             of,
             power: [x, *y],
-            z: (u > 0.0 && u.is_finite()).then(|| (x - y) / u),
+            z: in_u(x - y, u.hypot(*v)),
         })
     });
     both.collect()
