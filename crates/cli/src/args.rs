@@ -106,7 +106,7 @@ pub(crate) struct SynthArgs {
     /// Camera, beam and reference as TOML; a laboratory's by default.
     #[arg(long, value_name = "FILE")]
     pub(crate) camera: Option<PathBuf>,
-    /// Photons of each channel, of `--model render`.
+    /// Effort of `--model render`: so many photons of each channel, as `render` counts them.
     #[arg(long, default_value = "1e6", value_name = "N", value_parser = photons)]
     pub(crate) photons: u64,
     /// Seed of every random number.
@@ -377,10 +377,11 @@ pub(crate) struct RenderArgs {
 /// How long a scene is rendered.
 #[derive(Args, Debug)]
 pub(crate) struct EffortArgs {
-    /// Rounds: each is one path a pixel, or --photons photons of every light and channel.
+    /// Rounds: each is one path a pixel, or what --photons says.
     #[arg(long, default_value_t = 64, value_name = "N")]
     rounds: u64,
-    /// Photons of a round, where light is followed from its lamp.
+    /// Effort of a round where light is followed from its lamp: so many photons of every light and
+    /// channel. Those of a beam are fewer, and split on their way.
     #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
     photons: u64,
     /// Stop earlier, once the rms of the pixels' standard errors is this share of the mean pixel.

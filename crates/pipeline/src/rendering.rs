@@ -152,7 +152,7 @@ impl BssrdfModel {
             // Their light is thought to come from the surface itself, near which R_d has no bound.
             Self::Directional | Self::MonteCarlo => 0.0,
             Self::Jensen2001 | Self::Corrected | Self::BetterDipole => {
-                1.0 / (medium.sigma_a + medium.reduced().sigma_s_prime)
+                1.0 / medium.reduced().coefficients().sigma_t_prime()
             }
         };
         Ok(Diffusion {

@@ -272,10 +272,7 @@ fn spot(
                 from,
                 direction: Vec3::NEG_Z,
                 spot: match camera.beam_profile {
-                    // FWHM = 2 √(2 ln 2) σ.
-                    synth::BeamProfile::Gaussian if fwhm > 0.0 => {
-                        Spot::Gaussian(fwhm / (8.0 * 2.0_f64.ln()).sqrt())
-                    }
+                    synth::BeamProfile::Gaussian if fwhm > 0.0 => Spot::gaussian(fwhm),
                     _ => Spot::Disk(0.5 * fwhm),
                 },
             },

@@ -2,14 +2,15 @@
 
 use crate::Vec3;
 use crate::boundary::part;
-use crate::light::{Incident, Light, Spot};
+use crate::light::{Light, Spot};
 use crate::scene::{Object, Scene};
 use crate::shape::{Hit, Mesh, Shape};
-use crate::surface::{Point, Shader, arrives, unhidden};
+use crate::surface::{Point, Shader, arrives, in_triangle, through_surface};
 use physics::fresnel;
 use physics::random::{Stream, stream, uniform};
 use physics::{HenyeyGreenstein, Medium, PhaseFunction};
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 /// Points of a tabulated profile.
 const RADII: usize = 1024;
@@ -34,7 +35,7 @@ impl Profile {
     /// Tabulates `diffuse_reflectance`, which fills R_d in mm⁻² for radii in mm.
     pub fn new(medium: &Medium, diffuse_reflectance: impl FnOnce(&[f64], &mut [f64])) -> Self {
         let reduced = medium.reduced();
-        let path = 1.0 / (reduced.sigma_a + reduced.sigma_s_prime);
+        let path = 1.0 / reduced.coefficients().sigma_t_prime();
         let sigma_tr = (3.0 * reduced.sigma_a / path).sqrt();
         // From far below a transport length to where nothing is left, but not beyond what a
         // solid could measure where nothing absorbs.
@@ -195,11 +196,12 @@ pub struct Bssrdf {
     leaving: Vec<Vec<f64>>,
     single: bool,
     sampling: Sampling,
-    /// Of each mesh, for the ways of drawing that need it.
-    triangles: Vec<Option<Triangles>>,
+    /// Of each mesh, from the first draw on.
+    triangles: Vec<OnceLock<Triangles>>,
 }
 
 /// The triangles of a mesh, to be drawn by a weight that is even over each of them.
+#[derive(Clone)]
 struct Triangles {
     /// Weights of a triangle and all before it.
     below: Vec<f64>,
@@ -275,16 +277,9 @@ impl Triangles {
 }
 
 fn on_triangle(scene: &Scene, object: usize, mesh: &Mesh, face: usize, rng: &mut Stream) -> Point {
-    let [a, b, c] = mesh.corners(face);
-    let root = uniform(rng).sqrt();
-    let (u, v) = (1.0 - root, root * uniform(rng));
-    let place = a + (1.0 - u - v) * (b - a) + v * (c - a);
-    let hit = Hit {
-        distance: 0.0,
-        normal: (b - a).cross(c - a).normalize(),
-        face,
-    };
-    Point::new(scene, object, place, &hit)
+    let corners = mesh.corners(face);
+    let at = in_triangle(corners, rng);
+    Point::on_triangle(scene, object, face, corners, at)
 }
 
 impl Bssrdf {
@@ -301,10 +296,7 @@ impl Bssrdf {
         single: bool,
         sampling: Sampling,
     ) -> Self {
-        assert_eq!(of_object.len(), scene.objects.len());
-        for list in &of_object {
-            assert_eq!(list.len(), scene.channels.len());
-        }
+        scene.assert_one_each(&of_object);
         let leaving = |object: &Object| {
             let of_medium = |medium: &Medium| match exit {
                 Exit::Paper => 1.0 / PI,
@@ -316,22 +308,12 @@ impl Bssrdf {
             object.material.media.iter().map(of_medium).collect()
         };
         let leaving = scene.objects.iter().map(leaving).collect();
-        let triangles = scene.objects.iter().enumerate();
-        let triangles = triangles
-            .map(|(index, object)| match (&object.shape, sampling) {
-                (Shape::Mesh(mesh), Sampling::Area) => Some(Triangles::new(mesh, |_| 1.0)),
-                (Shape::Mesh(mesh), Sampling::Axes) => {
-                    Some(Triangles::by_light(scene, index, mesh))
-                }
-                _ => None,
-            })
-            .collect();
         Self {
             of_object,
             leaving,
             single,
             sampling,
-            triangles,
+            triangles: vec![OnceLock::new(); scene.objects.len()],
         }
     }
 
@@ -362,9 +344,17 @@ impl Bssrdf {
     /// in which such points are drawn.
     fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Vec<(Point, f64)> {
         let object = &scene.objects[to.object];
-        let lit = match (&object.shape, &self.triangles[to.object]) {
-            (Shape::Mesh(mesh), Some(triangles)) => Some((mesh, triangles)),
+        let triangles = |new: &dyn Fn(&Mesh) -> Triangles| match &object.shape {
+            Shape::Mesh(mesh) => {
+                let triangles = self.triangles[to.object].get_or_init(|| new(mesh));
+                Some((mesh, triangles))
+            }
             _ => None,
+        };
+        let lit = match self.sampling {
+            Sampling::Area => triangles(&|mesh| Triangles::new(mesh, |_| 1.0)),
+            Sampling::Axes => triangles(&|mesh| Triangles::by_light(scene, to.object, mesh)),
+            Sampling::Exponential => None,
         };
         if self.sampling == Sampling::Area {
             return match (&object.shape, lit) {
@@ -626,17 +616,10 @@ impl Bssrdf {
             let Some(incident) = lamp.light.shine(place, None, rng) else {
                 continue;
             };
-            let Some(hit) = object.shape.leave(place, incident.toward) else {
+            let found = through_surface(scene, point.object, place, &incident);
+            let Some((at, hit)) = found else {
                 continue;
             };
-            let at = place + hit.distance * incident.toward;
-            let beyond = Incident {
-                distance: incident.distance - hit.distance,
-                ..incident
-            };
-            if beyond.distance <= 0.0 || !unhidden(scene, at, &beyond) {
-                continue;
-            }
             let normal = object.shape.shading_normal(at, &hit);
             let cos_in = incident.toward.dot(normal);
             if cos_in <= 0.0 {

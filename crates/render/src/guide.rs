@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::walk::Photon;
 use physics::random::{Stream, uniform};
 use physics::{DiffuseFresnel, Dipole};
-use std::f64::consts::{LN_2, TAU};
+use std::f64::consts::LN_2;
 
 /// Distances of a table.
 const STEPS: usize = 4096;
@@ -25,6 +25,7 @@ const COST: f64 = 0.25;
 const MOST: f64 = 50.0;
 
 /// The wanted weights of one beam in one channel of the solid that it meets.
+#[derive(Debug)]
 pub(crate) struct Guide {
     object: usize,
     center: Vec3,
@@ -52,7 +53,7 @@ impl Guide {
         let medium = &scene.objects[object].material.media[channel];
         let reduced = medium.reduced();
         let dipole = Dipole::new(&reduced, DiffuseFresnel::Exact);
-        let path = 1.0 / (reduced.sigma_a + reduced.sigma_s_prime);
+        let path = 1.0 / reduced.coefficients().sigma_t_prime();
         let near = spot.extent().max(path);
         // Between as many in each ring and as many on each mm²: the former are more independent.
         let value = |r: f64| {
@@ -79,9 +80,8 @@ impl Guide {
         for (k, depth) in depth.iter().enumerate() {
             let r = k as f64 / per_mm;
             if r < 0.5 * size {
-                let light = TAU * r * (-depth).exp();
-                as_they_come += light;
-                all += light * depth.exp();
+                as_they_come += r * (-depth).exp();
+                all += r;
             }
         }
         Some(Self {

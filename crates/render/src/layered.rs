@@ -6,9 +6,8 @@
 
 use crate::Vec3;
 use crate::brdf::azimuth;
-use crate::light::Incident;
 use crate::scene::Scene;
-use crate::surface::{Point, Shader, unhidden};
+use crate::surface::{Point, Shader, through_surface, unhidden};
 use physics::FirstOrder;
 use physics::brdf::Directions;
 use physics::random::Stream;
@@ -84,10 +83,7 @@ impl Layered {
     ///
     /// If the lists do not fit the scene.
     pub fn new(scene: &Scene, of_object: Vec<Vec<Sheet>>) -> Self {
-        assert_eq!(of_object.len(), scene.objects.len());
-        for list in &of_object {
-            assert_eq!(list.len(), scene.channels.len());
-        }
+        scene.assert_one_each(&of_object);
         Self { of_object }
     }
 }
@@ -123,7 +119,7 @@ impl Shader for Layered {
                     continue;
                 }
                 let open = if behind {
-                    arrives_behind(scene, point, &incident)
+                    through_surface(scene, point.object, point.at, &incident).is_some()
                 } else {
                     unhidden(scene, point.at, &incident)
                 };
@@ -150,18 +146,4 @@ impl Shader for Layered {
             }
         }
     }
-}
-
-/// Whether light from behind reaches the far side of the sheet at a point.
-fn arrives_behind(scene: &Scene, point: &Point, incident: &Incident) -> bool {
-    let shape = &scene.objects[point.object].shape;
-    let Some(far) = shape.leave(point.at, incident.toward) else {
-        return false;
-    };
-    let beyond = Incident {
-        distance: incident.distance - far.distance,
-        ..*incident
-    };
-    let at = point.at + far.distance * incident.toward;
-    beyond.distance > 0.0 && unhidden(scene, at, &beyond)
 }

@@ -2,7 +2,7 @@
 
 use crate::Vec3;
 use physics::random::{Stream, uniform};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{LN_2, PI, TAU};
 
 /// How the power of a beam is spread over its cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,7 +100,7 @@ impl Light {
 
     /// Whether it lights a spot so small that draws of surface points would miss it.
     pub(crate) fn is_beam(&self) -> bool {
-        matches!(self, Self::Beam { .. })
+        self.spot().is_some()
     }
 
     /// The cross-section of a beam.
@@ -348,6 +348,11 @@ impl Spot {
                 (-0.5 * square / variance).exp() / (TAU * variance)
             }
         }
+    }
+
+    /// The Gaussian of a full width at half maximum, mm: 2 √(2 ln 2) standard deviations.
+    pub fn gaussian(fwhm_mm: f64) -> Self {
+        Self::Gaussian(fwhm_mm / (8.0 * LN_2).sqrt())
     }
 
     /// Distance from the axis within which the beam has all its light, but for 1e-8 of it.

@@ -6,6 +6,7 @@
 //! scattering (their mirror images) is found from the camera as well.
 
 use crate::film::Film;
+use crate::guide::Guide;
 use crate::light::Light;
 use crate::method::{Method, Picture, Planes};
 use crate::paths::{self, Wanted};
@@ -17,7 +18,8 @@ use crate::scene::{Scene, SceneError};
 pub struct Options {
     /// Seed of every random number.
     pub seed: u64,
-    /// Photons of each light and channel in a round.
+    /// Effort of a round: so many photons of each light and channel. Those of a beam are fewer, and
+    /// split on their way.
     pub photons: u64,
     /// Tell apart light that scattered once, more often and never.
     pub components: bool,
@@ -44,7 +46,8 @@ pub struct MonteCarlo<'a> {
     from_lamps: Vec<bool>,
     wanted: Wanted,
     ledger: Ledger,
-    guided: bool,
+    /// For each channel and, within it, light.
+    guides: Vec<Option<Guide>>,
     seen_depth: f64,
 }
 
@@ -70,6 +73,17 @@ impl<'a> MonteCarlo<'a> {
             });
         }
         let ledger = Ledger::new(scene, options.rings.as_ref());
+        let guides = (0..scene.channels.len())
+            .flat_map(|channel| {
+                from_lamps
+                    .iter()
+                    .enumerate()
+                    .map(move |lamp| (channel, lamp))
+            })
+            .map(|(channel, (lamp, followed))| {
+                followed.then(|| Guide::new(scene, channel, lamp)).flatten()
+            })
+            .collect();
         Ok(Self {
             scene,
             wanted: Wanted {
@@ -78,7 +92,7 @@ impl<'a> MonteCarlo<'a> {
             },
             from_lamps,
             ledger,
-            guided: true,
+            guides,
             seen_depth: SEEN_DEPTH,
             options,
         })
@@ -122,7 +136,7 @@ impl Method for MonteCarlo<'_> {
                 seed: self.options.seed,
                 rings: self.options.rings.as_ref(),
                 ledger: self.ledger.clone(),
-                guided: self.guided,
+                guides: &self.guides,
                 seen_depth: self.seen_depth,
             };
             photons.round(index, plane, &mut radiance, &mut powers);
@@ -267,8 +281,11 @@ mod tests {
             };
             let mut method = MonteCarlo::new(&scene, options).unwrap();
             // Leaps as near to the surface as can be, or none.
-            method.guided = !plain;
-            method.seen_depth = if plain { f64::INFINITY } else { 0.0 };
+            method.seen_depth = 0.0;
+            if plain {
+                method.seen_depth = f64::INFINITY;
+                method.guides = vec![None];
+            }
             let mut picture = method.empty();
             method.run(0..60, &mut picture, &mut |_| ControlFlow::Continue(()));
             picture

@@ -111,8 +111,8 @@ pub(crate) struct Photons<'a> {
     pub(crate) seed: u64,
     pub(crate) rings: Option<&'a Rings>,
     pub(crate) ledger: Ledger,
-    /// Whether photons far from a beam are made light and many.
-    pub(crate) guided: bool,
+    /// For each channel and, within it, light: how light its photons should be, if anything.
+    pub(crate) guides: &'a [Option<Guide>],
     /// Optical depth within which no scattering is leapt over.
     pub(crate) seen_depth: f64,
 }
@@ -171,20 +171,15 @@ impl Photons<'_> {
                     continue;
                 }
                 let mut rng = stream(self.seed, &[2, index, channel as u64, lamp as u64]);
-                let guide = self
-                    .guided
-                    .then(|| Guide::new(self.scene, channel, lamp))
-                    .flatten();
-                let photons = guide
-                    .as_ref()
-                    .map_or(self.photons, |guide| guide.fewer(self.photons));
+                let guide = self.guides[channel * self.lamps.len() + lamp].as_ref();
+                let photons = guide.map_or(self.photons, |guide| guide.fewer(self.photons));
                 let source = Source {
                     channel,
                     lamp,
                     power: strength / photons as f64,
                     reach,
                     windows: &windows,
-                    guide: guide.as_ref(),
+                    guide,
                 };
                 for _ in 0..photons {
                     self.follow(&source, &mut leaps, &mut rng, &mut splat, powers);
@@ -498,7 +493,7 @@ impl<F: Fn(usize, u32) -> usize> Visitor for Watch<'_, '_, F> {
         depths.fold(f64::INFINITY, f64::min)
     }
 
-    fn leaps(&mut self, photon: &Photon, radius: f64, _: &mut Stream) -> bool {
+    fn leaps(&mut self, photon: &Photon, radius: f64) -> bool {
         // Connections from within the ball are as rare as roulette would have them from its
         // nearest point: all of them, or none.
         let windows = self.windows().iter();

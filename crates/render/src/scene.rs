@@ -212,6 +212,14 @@ impl Scene {
         self.camera.size().iter().product()
     }
 
+    /// Panics if `of_object` has not one entry for each solid and, within it, channel.
+    pub(crate) fn assert_one_each<T>(&self, of_object: &[Vec<T>]) {
+        assert_eq!(of_object.len(), self.objects.len());
+        for list in of_object {
+            assert_eq!(list.len(), self.channels.len());
+        }
+    }
+
     /// Index of refraction of a solid in a channel.
     pub(crate) fn eta(&self, object: usize, channel: usize) -> f64 {
         self.objects[object].material.media[channel].eta

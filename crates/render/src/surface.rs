@@ -26,6 +26,22 @@ pub struct Point {
 }
 
 impl Point {
+    /// A place on a flat piece of the surface with these corners.
+    pub(crate) fn on_triangle(
+        scene: &Scene,
+        object: usize,
+        face: usize,
+        [a, b, c]: [Vec3; 3],
+        at: Vec3,
+    ) -> Self {
+        let hit = Hit {
+            distance: 0.0,
+            normal: (b - a).cross(c - a).normalize(),
+            face,
+        };
+        Self::new(scene, object, at, &hit)
+    }
+
     pub(crate) fn new(scene: &Scene, object: usize, at: Vec3, hit: &Hit) -> Self {
         Self {
             object,
@@ -195,6 +211,30 @@ pub(crate) fn arrives(
         && point.true_normal.dot(incident.toward) > 0.0
         && unhidden(scene, point.at, &incident);
     open.then_some(incident)
+}
+
+/// A draw from the even distribution over a triangle.
+pub(crate) fn in_triangle([a, b, c]: [Vec3; 3], rng: &mut Stream) -> Vec3 {
+    let root = uniform(rng).sqrt();
+    let along = uniform(rng);
+    a + root * ((1.0 - along) * (b - a) + along * (c - a))
+}
+
+/// Where light that arrives on a straight line at a point inside a solid comes through its surface,
+/// if nothing is in the way outside.
+pub(crate) fn through_surface(
+    scene: &Scene,
+    object: usize,
+    inside: Vec3,
+    incident: &Incident,
+) -> Option<(Vec3, Hit)> {
+    let hit = scene.objects[object].shape.leave(inside, incident.toward)?;
+    let at = inside + hit.distance * incident.toward;
+    let beyond = Incident {
+        distance: incident.distance - hit.distance,
+        ..*incident
+    };
+    (beyond.distance > 0.0 && unhidden(scene, at, &beyond)).then_some((at, hit))
 }
 
 /// Whether no solid is between a point of a surface and a lamp.

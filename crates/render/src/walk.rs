@@ -55,7 +55,7 @@ pub trait Visitor {
     fn leapt(&mut self, scatterings: u32);
 
     /// Whether the photon may leave a ball of this radius at once. If not, it walks.
-    fn leaps(&mut self, _photon: &Photon, _radius: f64, _rng: &mut Stream) -> bool {
+    fn leaps(&mut self, _photon: &Photon, _radius: f64) -> bool {
         true
     }
 }
@@ -159,7 +159,7 @@ fn within<S: Solid>(
         clear = solid.clearance(photon.at);
         if let Some(size) = leaps.within(reach.min(clear)) {
             let radius = leaps.radius(size);
-            if visitor.leaps(photon, radius, rng) {
+            if visitor.leaps(photon, radius) {
                 visitor.leapt(leaps.leap(size, photon, rng));
                 clear -= radius;
             } else {

@@ -1,15 +1,16 @@
 //! The point cloud: its bell, its hierarchy, and the same light as by drawing points.
 
+mod sample;
+
 use physics::random::stream;
 use physics::{DiffuseFresnel, Dipole, Medium, fresnel};
-use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
-use render::camera::Lens;
+use render::bssrdf::{Bssrdf, Exit, Sampling};
 use render::point_cloud::bell;
 use render::surface::{Point, Shader};
 use render::{
-    Block, Camera, Gather, Lamp, Light, Material, Mesh, Object, PointCloud, Scene, SceneError,
-    Shape, Sphere, Spot, Vec3, View,
+    Block, Gather, Light, Mesh, PointCloud, Scene, SceneError, Shape, Sphere, Spot, Vec3,
 };
+use sample::{dipole, scene};
 use std::f64::consts::{PI, TAU};
 
 fn medium(sigma_a: f64) -> Medium {
@@ -22,50 +23,12 @@ fn medium(sigma_a: f64) -> Medium {
 }
 
 fn total(medium: &Medium) -> f64 {
-    Dipole::new(&medium.reduced(), DiffuseFresnel::Exact).total_reflectance()
-}
-
-fn scene(shape: Shape, media: Vec<Medium>, light: Light) -> Scene {
-    let view = View {
-        from: Vec3::new(0.0, 0.0, 900.0),
-        to: Vec3::ZERO,
-        up: Vec3::Y,
-        width: 1,
-        height: 1,
-    };
-    Scene {
-        channels: (0..media.len()).map(|c| c.to_string()).collect(),
-        lamps: vec![Lamp {
-            light,
-            strength: vec![1.0; media.len()],
-        }],
-        objects: vec![Object {
-            name: "sample".into(),
-            shape,
-            material: Material { media },
-        }],
-        camera: Camera::new(view, Lens::Orthographic { height: 1.0 }).expect("a camera"),
-    }
-    .validated()
-    .expect("a scene")
+    dipole(medium).0.total_reflectance()
 }
 
 fn bssrdf(scene: &Scene) -> Bssrdf {
-    let diffusion = |medium: &Medium| {
-        let dipole = Dipole::new(&medium.reduced(), DiffuseFresnel::Exact);
-        let profile = Profile::new(medium, |radii, out| {
-            for (r, value) in radii.iter().zip(out) {
-                *value = dipole.diffuse_reflectance(*r);
-            }
-        });
-        Diffusion {
-            profile,
-            share: 1.0,
-            source_depth_mm: 1.0 / (medium.sigma_a + medium.sigma_s),
-        }
-    };
     let media = &scene.objects[0].material.media;
-    let of_object = vec![media.iter().map(diffusion).collect()];
+    let of_object = vec![media.iter().map(|medium| dipole(medium).1).collect()];
     Bssrdf::new(scene, of_object, Exit::Paper, false, Sampling::Axes)
 }
 

@@ -1,13 +1,13 @@
 //! The BSSRDF integrates to what it should, whichever way its points are drawn.
 
+mod sample;
+
 use physics::random::stream;
-use physics::{DiffuseFresnel, Dipole, Medium, fresnel};
+use physics::{Medium, fresnel};
 use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
-use render::camera::Lens;
 use render::surface::{Point, Shader};
-use render::{
-    Camera, HalfSpace, Lamp, Light, Material, Mesh, Object, Scene, Shape, Sphere, Vec3, View,
-};
+use render::{HalfSpace, Light, Mesh, Scene, Shape, Sphere, Vec3};
+use sample::{dipole, scene};
 use std::f64::consts::PI;
 
 fn marble() -> Medium {
@@ -17,46 +17,6 @@ fn marble() -> Medium {
         g: 0.0,
         eta: 1.5,
     }
-}
-
-fn dipole(medium: &Medium) -> (Dipole, Profile) {
-    let dipole = Dipole::new(&medium.reduced(), DiffuseFresnel::Exact);
-    let profile = Profile::new(medium, |radii, out| {
-        for (r, value) in radii.iter().zip(out) {
-            *value = dipole.diffuse_reflectance(*r);
-        }
-    });
-    (dipole, profile)
-}
-
-/// Depth of the dipole's source: a transport length.
-fn depth(medium: &Medium) -> f64 {
-    1.0 / (medium.sigma_a + medium.reduced().sigma_s_prime)
-}
-
-fn scene(shape: Shape, media: Vec<Medium>, light: Light) -> Scene {
-    let view = View {
-        from: Vec3::new(0.0, 0.0, 900.0),
-        to: Vec3::ZERO,
-        up: Vec3::Y,
-        width: 1,
-        height: 1,
-    };
-    Scene {
-        channels: (0..media.len()).map(|c| c.to_string()).collect(),
-        lamps: vec![Lamp {
-            light,
-            strength: vec![1.0; media.len()],
-        }],
-        objects: vec![Object {
-            name: "sample".into(),
-            shape,
-            material: Material { media },
-        }],
-        camera: Camera::new(view, Lens::Orthographic { height: 1.0 }).expect("a camera"),
-    }
-    .validated()
-    .expect("a scene")
 }
 
 /// Mean and standard error of the diffuse radiance of a point, by channel.
@@ -97,7 +57,7 @@ fn the_table_is_the_dipole() {
             ..marble()
         },
     ] {
-        let (dipole, profile) = dipole(&medium);
+        let (dipole, Diffusion { profile, .. }) = dipole(&medium);
         let ratio = profile.total() / dipole.total_reflectance();
         assert!((ratio - 1.0).abs() < 2e-4, "{ratio}");
         for r in [0.01, 0.3, 2.0, 10.0] {
@@ -140,11 +100,7 @@ fn over_a_plane_the_bssrdf_integrates_to_the_total() {
         (Sampling::Axes, 1_500_000),
         (Sampling::Exponential, 1_500_000),
     ] {
-        let diffusion = media.iter().map(|m| Diffusion {
-            profile: dipole(m).1,
-            share: 1.0,
-            source_depth_mm: depth(m),
-        });
+        let diffusion = media.iter().map(|m| dipole(m).1);
         let of_object = vec![diffusion.collect()];
         let shader = Bssrdf::new(&scene, of_object, Exit::Paper, false, sampling);
         for (channel, (got, u)) in shaded(&scene, &shader, &point, n, 5)
@@ -193,11 +149,7 @@ fn on_a_ball_all_samplers_agree() {
     ]
     .into_iter()
     .map(|(sampling, n)| {
-        let diffusion = Diffusion {
-            profile: dipole(&medium).1,
-            share: 1.0,
-            source_depth_mm: depth(&medium),
-        };
+        let diffusion = dipole(&medium).1;
         let shader = Bssrdf::new(&scene, vec![vec![diffusion]], Exit::Paper, false, sampling);
         let (mean, u) = shaded(&scene, &shader, &point, n, 6)[0];
         println!(
@@ -263,17 +215,17 @@ fn on_a_mesh_in_half_shadow_the_samplers_agree() {
             *value = (-r).exp() / r;
         }
     });
-    for (profile, source_depth_mm) in [(dipole(&medium).1, depth(&medium)), (steep, 0.0)] {
+    let steep = Diffusion {
+        profile: steep,
+        share: 1.0,
+        source_depth_mm: 0.0,
+    };
+    for diffusion in [dipole(&medium).1, steep] {
         let found: Vec<(f64, f64)> = [(Sampling::Axes, 150_000), (Sampling::Area, 600_000)]
             .into_iter()
             .map(|(sampling, n)| {
-                let diffusion = Diffusion {
-                    profile: profile.clone(),
-                    share: 1.0,
-                    source_depth_mm,
-                };
-                let shader =
-                    Bssrdf::new(&scene, vec![vec![diffusion]], Exit::Paper, false, sampling);
+                let of_object = vec![vec![diffusion.clone()]];
+                let shader = Bssrdf::new(&scene, of_object, Exit::Paper, false, sampling);
                 let (mean, u) = shaded(&scene, &shader, &point, n, 7)[0];
                 println!(
                     "{sampling:?}: {mean:.6} +- {u:.6}, variance a draw {:.4}",

@@ -388,11 +388,7 @@ fn lamp(entry: &LightEntry, channels: usize) -> Result<Lamp> {
             spot: match (entry.radius_mm, entry.fwhm_mm) {
                 (None, None) => Spot::Disk(0.0),
                 (Some(radius), None) => Spot::Disk(above_zero(radius, "radius_mm")?),
-                (None, Some(fwhm)) => {
-                    // FWHM = 2 √(2 ln 2) σ.
-                    let sigma = above_zero(fwhm, "fwhm_mm")? / (8.0 * 2.0_f64.ln()).sqrt();
-                    Spot::Gaussian(sigma)
-                }
+                (None, Some(fwhm)) => Spot::gaussian(above_zero(fwhm, "fwhm_mm")?),
                 _ => return Err(wrong("expected either `radius_mm` or `fwhm_mm`")),
             },
         },

@@ -2,8 +2,8 @@
 
 use crate::Vec3;
 use crate::scene::Scene;
-use crate::shape::{Hit, Shape};
-use crate::surface::Point;
+use crate::shape::Shape;
+use crate::surface::{Point, in_triangle};
 use physics::random::{Stream, uniform};
 use std::f64::consts::{PI, TAU};
 
@@ -127,13 +127,7 @@ impl Surface {
                         let area = below[here] - before;
                         let share = ((along - before) / area).clamp(0.0, 1.0);
                         let at = inside(corners, share, area / each, rng);
-                        let [a, b, c] = corners;
-                        let hit = Hit {
-                            distance: 0.0,
-                            normal: (b - a).cross(c - a).normalize(),
-                            face,
-                        };
-                        Point::new(scene, object, at, &hit)
+                        Point::on_triangle(scene, object, face, corners, at)
                     })
                     .collect()
             }
@@ -167,9 +161,7 @@ fn inside(corners: [Vec3; 3], mut share: f64, mut pieces: f64, rng: &mut Stream)
         };
         pieces *= 0.5;
     }
-    let root = uniform(rng).sqrt();
-    let along = uniform(rng);
-    a + root * ((1.0 - along) * (b - a) + along * (c - a))
+    in_triangle([a, b, c], rng)
 }
 
 /// Place along a curve that fills a box.
