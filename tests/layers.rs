@@ -247,3 +247,19 @@ fn fifty_random_stacks_reflect_and_transmit_as_counted() {
     println!("chi-squared {chi2:.1} over {values}, p = {p:.3}");
     assert!(values > 80 && p > 1e-3, "{chi2} over {values}: p = {p}");
 }
+
+#[test]
+fn the_colour_of_renderers_is_the_albedo_without_a_surface() {
+    let mut worst: f64 = 0.0;
+    for albedo in [0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999] {
+        let solved = layers::solve(
+            &in_air(vec![layer(albedo, f64::INFINITY, 0.0, 1.0)]),
+            &[],
+            &[],
+        );
+        let exact = solved.unwrap().diffuse_reflectance;
+        worst = worst.max((tables::albedo_without_surface(albedo) - exact).abs());
+    }
+    println!("worst difference {worst:.5}");
+    assert!(worst < 2.1e-3, "{worst}");
+}

@@ -1,6 +1,7 @@
 //! What was typed.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use pipeline::export::Target;
 use pipeline::rendering::{BssrdfModel, MethodChoice, RenderOptions};
 use pipeline::{Error, Kind};
 use render::bssrdf::Sampling;
@@ -594,16 +595,18 @@ pub(crate) enum TableCommand {
     /// Prints tables with what follows from them; Jensen's table without a file.
     #[command(after_help = "Example:\n  beamspot table show result/materials.csv")]
     Show {
-        /// csv or json files.
+        /// csv or json tables, scenes of pbrt (.pbrt) or Mitsuba (.xml).
         #[arg(value_name = "FILE")]
         files: Vec<PathBuf>,
+        #[command(flatten)]
+        unit: SceneUnit,
     },
-    /// Converts a table.
+    /// Converts a table, for renderers and photon simulators too, and from pbrt and Mitsuba.
     #[command(
-        after_help = "Example:\n  beamspot table convert materials.csv --to json -o materials.json"
+        after_help = "Examples:\n  beamspot table convert materials.csv --to json -o materials.json\n  beamspot table convert materials.csv --to pbrt --scene-unit-mm 10 -o materials.pbrt\n  beamspot table convert scene.xml --scene-unit-mm 1 --to csv -o materials.csv"
     )]
     Convert {
-        /// csv or json file.
+        /// csv or json table, scene of pbrt (.pbrt) or Mitsuba (.xml).
         #[arg(value_name = "FILE")]
         file: PathBuf,
         /// Format to write.
@@ -612,6 +615,11 @@ pub(crate) enum TableCommand {
         /// File to write.
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
+        /// Only the material of this name.
+        #[arg(long, value_name = "NAME")]
+        material: Option<String>,
+        #[command(flatten)]
+        unit: SceneUnit,
     },
     /// Joins tables; one material and channel with two sets of numbers is refused.
     #[command(
@@ -629,16 +637,70 @@ pub(crate) enum TableCommand {
     /// table without a file.
     #[command(after_help = "Example:\n  beamspot table check result/materials.csv")]
     Check {
-        /// csv or json files.
+        /// csv or json tables, scenes of pbrt (.pbrt) or Mitsuba (.xml).
         #[arg(value_name = "FILE")]
         files: Vec<PathBuf>,
+        #[command(flatten)]
+        unit: SceneUnit,
     },
+}
+
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct SceneUnit {
+    /// Length of one unit of the renderer's scene: needed to read a scene; for writing 1 mm, or
+    /// 1000 mm for Blender, when left out.
+    #[arg(long, value_name = "MM", value_parser = unit_length)]
+    pub(crate) scene_unit_mm: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TableFormat {
+    /// A table of this house.
     Csv,
+    /// The same as JSON (schemas/materials.schema.json).
     Json,
+    /// A datapackage.json, with materials.csv beside it.
+    Datapackage,
+    /// pbrt-v4: subsurface materials and media.
+    Pbrt,
+    /// Mitsuba 3: homogeneous media in dielectrics.
+    Mitsuba,
+    /// MaterialX with OpenPBR surfaces.
+    Openpbr,
+    /// A Python script for Blender's Cycles.
+    Blender,
+    /// Arnold standard_surface.
+    Arnold,
+    /// RenderMan PxrSurface.
+    Renderman,
+    /// Media of an MCX input file.
+    Mcx,
+    /// Tissues of a VTS input file.
+    Vts,
+}
+
+impl TableFormat {
+    /// The program that it is for, unless it is a table.
+    pub(crate) fn target(self) -> Option<Target> {
+        match self {
+            Self::Csv | Self::Json | Self::Datapackage => None,
+            Self::Pbrt => Some(Target::Pbrt),
+            Self::Mitsuba => Some(Target::Mitsuba),
+            Self::Openpbr => Some(Target::OpenPbr),
+            Self::Blender => Some(Target::Blender),
+            Self::Arnold => Some(Target::Arnold),
+            Self::Renderman => Some(Target::RenderMan),
+            Self::Mcx => Some(Target::Mcx),
+            Self::Vts => Some(Target::Vts),
+        }
+    }
+}
+
+fn unit_length(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|mm: &f64| *mm > 0.0 && mm.is_finite())
+        .ok_or_else(|| format!("expected a length above 0 mm, got `{text}`"))
 }
 
 fn photons(text: &str) -> Result<u64, String> {

@@ -340,6 +340,26 @@ fn tables_are_shown_converted_joined_and_audited() {
     );
     assert!(merged.contains("36 rows"), "{merged}");
 
+    let convert = |from: &str, to: &str, name: &str, more: &[&str]| {
+        let call = [&["table", "convert", from, "--to", to, "-o", name], more].concat();
+        stdout(path, &call)
+    };
+    let warned = convert("m.csv", "blender", "m.py", &["--material", "spectralon"]);
+    assert!(warned.starts_with("warning: Spectralon") && warned.contains("(3 rows)"));
+    convert("m.csv", "pbrt", "m.pbrt", &["--scene-unit-mm", "10"]);
+    convert("m.pbrt", "csv", "back.csv", &["--scene-unit-mm", "10"]);
+    let back = fs::read_to_string(path.join("back.csv")).unwrap();
+    assert!(
+        back.contains("Marble,G,,2.62,,0.0041,,,,1.5,,,pbrt"),
+        "{back}"
+    );
+    let unit = ["table", "show", "m.pbrt"];
+    let output = beamspot().current_dir(path).args(unit).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--scene-unit-mm"));
+    convert("m.csv", "datapackage", "datapackage.json", &[]);
+    assert!(path.join("materials.csv").exists());
+
     let other = fs::read_to_string(path.join("m.csv"))
         .unwrap()
         .replacen("2.29", "2.92", 1);

@@ -164,6 +164,18 @@ pub enum CsvError {
 pub(crate) struct Column {
     pub(crate) name: &'static str,
     pub(crate) required: bool,
+    /// The name under which it holds cm⁻¹ where `name` holds mm⁻¹.
+    pub(crate) per_cm: Option<&'static str>,
+}
+
+impl Column {
+    /// The same, under another name also in cm⁻¹.
+    pub(crate) const fn or_per_cm(self, name: &'static str) -> Self {
+        Self {
+            per_cm: Some(name),
+            ..self
+        }
+    }
 }
 
 /// A column without which a table is of no use.
@@ -171,6 +183,7 @@ pub(crate) const fn required(name: &'static str) -> Column {
     Column {
         name,
         required: true,
+        per_cm: None,
     }
 }
 
@@ -179,6 +192,7 @@ pub(crate) const fn optional(name: &'static str) -> Column {
     Column {
         name,
         required: false,
+        per_cm: None,
     }
 }
 
@@ -187,6 +201,7 @@ pub(crate) struct Row {
     pub(crate) line: u64,
     columns: &'static [Column],
     cells: Vec<String>,
+    per_cm: Vec<bool>,
 }
 
 impl Row {
@@ -210,7 +225,13 @@ impl Row {
             .parse()
             .ok()
             .filter(|value| expected.admits(*value))
+            .map(|value: f64| value / self.per_unit(column))
             .ok_or_else(|| self.wrong(column, expected))
+    }
+
+    /// How many of the table's units are one of ours: 10 cm⁻¹ are 1 mm⁻¹.
+    pub(crate) fn per_unit(&self, column: usize) -> f64 {
+        if self.per_cm[column] { 10.0 } else { 1.0 }
     }
 
     /// The cell as a number, or `None` where it is empty.
@@ -236,11 +257,17 @@ impl Row {
             .map_err(|_| self.wrong(column, Expected::Count))
     }
 
+    /// The name of the column as it stands in the table.
+    fn name(&self, column: usize) -> &'static str {
+        let Column { name, per_cm, .. } = self.columns[column];
+        per_cm.filter(|_| self.per_cm[column]).unwrap_or(name)
+    }
+
     /// The error that this cell is not what was expected.
     pub(crate) fn wrong(&self, column: usize, expected: Expected) -> CsvError {
         CsvError::Cell {
             line: self.line,
-            column: self.columns[column].name,
+            column: self.name(column),
             found: self.text(column).to_owned(),
             expected,
         }
@@ -255,15 +282,16 @@ pub(crate) fn read(input: impl Read, columns: &'static [Column]) -> Result<Vec<R
         .from_reader(input);
     let header = reader.headers()?.clone();
     let mut position = vec![None; columns.len()];
+    let mut per_cm = vec![false; columns.len()];
     for (at, name) in header.iter().enumerate() {
-        let known =
-            columns
-                .iter()
-                .position(|c| c.name == name)
-                .ok_or_else(|| CsvError::UnknownColumn {
-                    column: name.to_owned(),
-                    nearest: nearest(name, columns.iter().map(|c| c.name)),
-                })?;
+        let known = columns
+            .iter()
+            .position(|c| c.name == name || c.per_cm == Some(name))
+            .ok_or_else(|| CsvError::UnknownColumn {
+                column: name.to_owned(),
+                nearest: nearest(name, columns.iter().map(|c| c.name)),
+            })?;
+        per_cm[known] = columns[known].name != name;
         if position[known].replace(at).is_some() {
             return Err(CsvError::RepeatedColumn(columns[known].name));
         }
@@ -292,6 +320,7 @@ pub(crate) fn read(input: impl Read, columns: &'static [Column]) -> Result<Vec<R
             line,
             columns,
             cells: position.iter().map(cell).collect(),
+            per_cm: per_cm.clone(),
         });
     }
     if rows.is_empty() {

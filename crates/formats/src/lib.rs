@@ -19,12 +19,14 @@
 //! | [`totals_csv`] | `totals.csv` |
 //! | [`beam_csv`] | `beam.csv`: a measured beam |
 //! | [`materials_csv`], [`materials_json`] | material tables |
+//! | [`export`], [`pbrt`], [`mitsuba`] | materials as renderers and photon simulators read them |
 //! | [`layers_csv`] | `layers.csv`: constituents of layered media |
 //! | [`toml_text`] | any TOML into any struct, with errors that name the nearest known key |
 
 pub mod beam_csv;
 pub mod capture;
 mod csv_table;
+pub mod export;
 pub mod exr;
 mod fits_header;
 pub mod image;
@@ -34,7 +36,9 @@ pub mod materials_json;
 pub mod medium_toml;
 pub mod mesh;
 pub mod metadata;
+pub mod mitsuba;
 mod nearest;
+pub mod pbrt;
 pub mod profile_csv;
 pub mod sample_toml;
 pub mod scene_toml;

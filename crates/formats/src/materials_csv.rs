@@ -10,10 +10,10 @@ const COLUMNS: &[Column; 13] = &[
     required("material"),
     required("channel"),
     optional("wavelength_nm"),
-    required("sigma_s_prime_per_mm"),
-    optional("u_sigma_s_prime_per_mm"),
-    required("sigma_a_per_mm"),
-    optional("u_sigma_a_per_mm"),
+    required("sigma_s_prime_per_mm").or_per_cm("sigma_s_prime_per_cm"),
+    optional("u_sigma_s_prime_per_mm").or_per_cm("u_sigma_s_prime_per_cm"),
+    required("sigma_a_per_mm").or_per_cm("sigma_a_per_cm"),
+    optional("u_sigma_a_per_mm").or_per_cm("u_sigma_a_per_cm"),
     optional("correlation"),
     optional("total_reflectance"),
     required("eta"),
@@ -41,9 +41,15 @@ pub struct PrintedMaterial {
     pub half_unit_total_reflectance: Option<f64>,
 }
 
+/// The columns, and whether a table must have them.
+pub(crate) fn columns() -> impl Iterator<Item = (&'static str, bool)> {
+    COLUMNS.iter().map(|c| (c.name, c.required))
+}
+
 /// The rows of a material table.
 ///
-/// Numbers are checked to be numbers of their kind (finite, uncertainties not negative); whether
+/// The coefficients stand in columns that name their unit, mm⁻¹ or cm⁻¹; a column without one is
+/// refused, since the two differ by ten and a number does not tell which it is in. Numbers are checked to be numbers of their kind (finite, uncertainties not negative); whether
 /// a medium is possible is for an audit of the table, which wants to see the row.
 ///
 /// # Errors
@@ -66,8 +72,9 @@ pub fn read_printed(input: impl Read) -> Result<Vec<PrintedMaterial>, CsvError> 
         let total = row.text(TOTAL);
         Ok(PrintedMaterial {
             material: material(row)?,
-            half_unit_sigma_a_per_mm: half_unit(row.text(SIGMA_A)),
-            half_unit_sigma_s_prime_per_mm: half_unit(row.text(SIGMA_S_PRIME)),
+            half_unit_sigma_a_per_mm: half_unit(row.text(SIGMA_A)) / row.per_unit(SIGMA_A),
+            half_unit_sigma_s_prime_per_mm: half_unit(row.text(SIGMA_S_PRIME))
+                / row.per_unit(SIGMA_S_PRIME),
             half_unit_total_reflectance: (!total.is_empty()).then(|| half_unit(total)),
         })
     };
@@ -209,6 +216,27 @@ mod tests {
             std::str::from_utf8(header).unwrap(),
             "material,channel,wavelength_nm,sigma_s_prime_per_mm,u_sigma_s_prime_per_mm,\
              sigma_a_per_mm,u_sigma_a_per_mm,correlation,total_reflectance,eta,g,model,source"
+        );
+    }
+
+    #[test]
+    fn coefficients_per_centimetre_say_so_in_their_name() {
+        let text = "material,channel,sigma_s_prime_per_cm,u_sigma_s_prime_per_mm,sigma_a_per_cm,eta\n\
+                    milk,G,10.0,0.1,0.5,1.3\n";
+        let printed = read_printed(text.as_bytes()).unwrap().remove(0);
+        let row = &printed.material;
+        assert_eq!((row.medium.sigma_s_prime, row.medium.sigma_a), (1.0, 0.05));
+        assert_eq!(row.u_sigma_s_prime_per_mm, Some(0.1));
+        assert_eq!(printed.half_unit_sigma_s_prime_per_mm, 0.005);
+        let both = text.replace("u_sigma_s_prime_per_mm", "sigma_s_prime_per_mm");
+        let error = read(both.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("occurs twice"), "{error}");
+        let wrong = read(text.replace("0.5", "x").as_bytes())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            wrong.contains("column `sigma_a_per_cm`: found `x`"),
+            "{wrong}"
         );
     }
 

@@ -29,6 +29,7 @@
 //! | [`sphere`] | what an integrating sphere measured, inverted |
 //! | [`rendering`] | scenes as files, pictures as files |
 //! | [`difference`] | two profiles or tables beside each other |
+//! | [`export`] | material tables for other programs, and back |
 //! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
@@ -44,6 +45,7 @@ pub mod discrepancy;
 pub mod energy;
 pub mod error;
 mod exit;
+pub mod export;
 mod exposures;
 pub mod figures;
 pub mod files;

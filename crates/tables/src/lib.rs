@@ -14,7 +14,7 @@ pub mod derived;
 pub mod merge;
 
 pub use check::{Fault, Finding, Rounding, check};
-pub use derived::{Derived, derived};
+pub use derived::{Derived, albedo_without_surface, derived};
 pub use merge::{Conflict, Place, merge};
 
 use physics::DiffuseFresnel;

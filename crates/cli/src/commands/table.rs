@@ -2,9 +2,11 @@
 
 use super::print;
 use crate::args::{Common, TableCommand, TableFormat};
+use formats::export::datapackage;
 use formats::{materials_csv, materials_json};
 use physics::{DiffuseFresnel, Material};
 use pipeline::error::Blame;
+use pipeline::export::{Target, export, read_table};
 use pipeline::files::{Outputs, read, split};
 use pipeline::{Error, Kind, Result, library};
 use report::{significant, text_table, uncertain};
@@ -16,17 +18,34 @@ use tables::{Rounding, derived, fresnel_of};
 /// Shows, converts, joins or audits tables.
 pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) -> Result<()> {
     match command {
-        TableCommand::Show { files } => show(files, common, out),
-        TableCommand::Convert { file, to, output } => write(
-            &rows(file)?,
-            *to,
+        TableCommand::Show { files, unit } => show(files, unit.scene_unit_mm, common, out),
+        TableCommand::Convert {
+            file,
+            to,
             output,
-            std::slice::from_ref(file),
-            common,
-            out,
-        ),
+            unit,
+            material,
+        } => {
+            let mut rows = read_table(file, unit.scene_unit_mm)?;
+            if let Some(name) = material {
+                rows.retain(|row| row.material.eq_ignore_ascii_case(name));
+                if rows.is_empty() {
+                    let message = format!("{}: no material is called `{name}`", file.display());
+                    return Err(Error::new(Kind::Usage, message));
+                }
+            }
+            let conversion = Conversion {
+                to: *to,
+                scene_unit_mm: unit.scene_unit_mm,
+                inputs: std::slice::from_ref(file),
+            };
+            conversion.write(&rows, output, common, out)
+        }
         TableCommand::Merge { files, output } => {
-            let read = files.iter().map(|f| rows(f)).collect::<Result<Vec<_>>>()?;
+            let read = files
+                .iter()
+                .map(|f| read_table(f, None))
+                .collect::<Result<Vec<_>>>()?;
             let merged = tables::merge(&read).map_err(|conflict| {
                 let name = |table: usize| files[table].display().to_string();
                 let place = format!(
@@ -36,57 +55,121 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
                 );
                 Error::new(Kind::Input, format!("{place}: {conflict}"))
             })?;
-            write(&merged, TableFormat::Csv, output, files, common, out)
+            let conversion = Conversion {
+                to: TableFormat::Csv,
+                scene_unit_mm: None,
+                inputs: files,
+            };
+            conversion.write(&merged, output, common, out)
         }
-        TableCommand::Check { files } => check(files, common, out),
+        TableCommand::Check { files, unit } => check(files, unit.scene_unit_mm, common, out),
     }
 }
 
-fn is_json(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+#[derive(Serialize)]
+struct Written {
+    schema_version: u32,
+    output: String,
+    rows: usize,
+    warnings: Vec<String>,
 }
 
-fn rows(path: &Path) -> Result<Vec<Material>> {
-    let bytes = read(path)?;
-    if is_json(path) {
-        materials_json::read(&bytes[..]).input(path.display())
-    } else {
-        materials_csv::read(&bytes[..]).input(path.display())
-    }
-}
-
-fn write(
-    rows: &[Material],
+/// A table on its way into another form.
+struct Conversion<'a> {
     to: TableFormat,
-    output: &Path,
-    inputs: &[PathBuf],
+    scene_unit_mm: Option<f64>,
+    inputs: &'a [PathBuf],
+}
+
+impl Conversion<'_> {
+    fn write(
+        &self,
+        rows: &[Material],
+        output: &Path,
+        common: Common,
+        out: &mut impl Write,
+    ) -> Result<()> {
+        let (folder, name) = split(output)?;
+        let table = "materials.csv";
+        let with_table = self.to == TableFormat::Datapackage;
+        let mut names = vec![name.clone()];
+        if with_table {
+            names.push(table.into());
+        }
+        if with_table && name.as_os_str() == table {
+            let message = format!(
+                "the description of {table} cannot have its name; call it datapackage.json"
+            );
+            return Err(Error::new(Kind::Usage, message));
+        }
+        let outputs = Outputs::new(&folder, names, self.inputs, common.force)?;
+        let mut warnings = vec![];
+        let text = |target| {
+            let file = self.inputs[0]
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy();
+            let unit = self.scene_unit_mm.unwrap_or(match target {
+                // A unit of Blender's is a metre.
+                Target::Blender => 1000.0,
+                _ => 1.0,
+            });
+            export(rows, target, unit, &file)
+        };
+        let bytes = match self.to.target() {
+            Some(target) => {
+                let exported = text(target)?;
+                warnings = exported.warnings;
+                exported.text.into_bytes()
+            }
+            None => {
+                let mut bytes = vec![];
+                match self.to {
+                    TableFormat::Json => {
+                        materials_json::write(rows, &mut bytes).fault(output.display())?
+                    }
+                    TableFormat::Datapackage => bytes = datapackage::write(table).into_bytes(),
+                    _ => materials_csv::write(rows, &mut bytes).fault(output.display())?,
+                }
+                bytes
+            }
+        };
+        outputs.write(&name, |file| Ok(file.write_all(&bytes)?))?;
+        if with_table {
+            outputs.write(table, |file| Ok(materials_csv::write(rows, file)?))?;
+        }
+        outputs.commit()?;
+        if common.json {
+            let document = Written {
+                schema_version: pipeline::fit_json::SCHEMA_VERSION,
+                output: output.display().to_string(),
+                rows: rows.len(),
+                warnings,
+            };
+            return print::json(out, &document);
+        }
+        for warning in warnings {
+            print::line(out, format!("warning: {warning}"))?;
+        }
+        print::line(
+            out,
+            format!("wrote {} ({} rows)", output.display(), rows.len()),
+        )
+    }
+}
+
+fn show(
+    files: &[PathBuf],
+    scene_unit_mm: Option<f64>,
     common: Common,
     out: &mut impl Write,
 ) -> Result<()> {
-    let (folder, name) = split(output)?;
-    let outputs = Outputs::new(&folder, [&name], inputs, common.force)?;
-    outputs.write(&name, |out| {
-        match to {
-            TableFormat::Csv => materials_csv::write(rows, out)?,
-            TableFormat::Json => materials_json::write(rows, out)?,
-        }
-        Ok(())
-    })?;
-    outputs.commit()?;
-    print::line(
-        out,
-        format!("wrote {} ({} rows)", output.display(), rows.len()),
-    )
-}
-
-fn show(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> {
     let all: Vec<Material> = if files.is_empty() {
         library::materials()
     } else {
         files
             .iter()
-            .map(|f| rows(f))
+            .map(|f| read_table(f, scene_unit_mm))
             .collect::<Result<Vec<_>>>()?
             .concat()
     };
@@ -151,7 +234,12 @@ struct Finding {
     excess: f64,
 }
 
-fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> {
+fn check(
+    files: &[PathBuf],
+    scene_unit_mm: Option<f64>,
+    common: Common,
+    out: &mut impl Write,
+) -> Result<()> {
     let mut document = CheckDocument {
         schema_version: pipeline::fit_json::SCHEMA_VERSION,
         rows: 0,
@@ -166,13 +254,18 @@ fn check(files: &[PathBuf], common: Common, out: &mut impl Write) -> Result<()> 
         )?;
     }
     for file in files {
-        let mut bytes = read(file)?;
-        if is_json(file) {
-            // The digits as written are what the audit judges by, and csv keeps them.
-            let rows = materials_json::read(&bytes[..]).input(file.display())?;
-            bytes.clear();
+        // The digits as written are what the audit judges by, and csv keeps them.
+        let is_csv = file
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+        let bytes = if is_csv {
+            read(file)?
+        } else {
+            let rows = read_table(file, scene_unit_mm)?;
+            let mut bytes = vec![];
             materials_csv::write(&rows, &mut bytes).fault(file.display())?;
-        }
+            bytes
+        };
         let name = file.display().to_string();
         audit(&bytes, Some(&name), &name, &mut document)?;
     }
