@@ -47,12 +47,18 @@ fn ci() -> Result<()> {
 
 /// Runs the Python tests against the release build and the module.
 fn python() -> Result<()> {
-    cargo(&["build", "--release"])?;
+    // In one call, the module's package among them: apart, each would compile the dependencies anew
+    // with features of its own, and so would pip.
     cargo(&[
         "build",
         "--release",
         "--package",
+        "beamspot-cli",
+        "--package",
         "beamspot-pipeline",
+        "--package",
+        "beamspot-python",
+        "--bins",
         "--example",
         "response",
     ])?;

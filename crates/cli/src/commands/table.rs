@@ -126,7 +126,7 @@ impl Conversion<'_> {
                 let mut bytes = vec![];
                 match self.to {
                     TableFormat::Json => {
-                        materials_json::write(rows, &mut bytes).fault(output.display())?
+                        materials_json::write(rows, &mut bytes).fault(output.display())?;
                     }
                     TableFormat::Datapackage => bytes = datapackage::write(table).into_bytes(),
                     _ => materials_csv::write(rows, &mut bytes).fault(output.display())?,
