@@ -47,6 +47,7 @@ fn main() {
                     at: origin + hit.distance * direction,
                     true_normal: hit.normal,
                     normal: hit.normal,
+                    coordinates: None,
                 });
             }
         }

@@ -333,7 +333,8 @@ pub(crate) struct SimulateArgs {
     after_help = "Example:\n  beamspot render scenes/jensen8.toml -o cube.exr --rounds 64\n  beamspot render scenes/jensen9.toml -o bust.exr --method bssrdf --components"
 )]
 pub(crate) struct RenderArgs {
-    /// Solids, lights and a camera.
+    /// Solids, lights and a camera; an object may have a `texture` (albedo, sigma_a_per_mm,
+    /// sigma_s_per_mm or sigma_s_prime_per_mm as pictures), which models of the surface show.
     #[arg(value_name = "SCENE.toml")]
     pub(crate) scene: PathBuf,
     /// Picture to write, NAME.exr; NAME.png, NAME.json and NAME.state (for --resume) come beside it.

@@ -244,6 +244,11 @@ fn bad_scenes_are_answered() {
     )
     .unwrap();
     fs::write(path.join("empty.obj"), "# nothing\n").unwrap();
+    fs::write(
+        path.join("normal.obj"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvn nan 0 1\nf 1//1 2//2 3//1\n",
+    )
+    .unwrap();
     let block = "shape = \"block\"\nmin_mm = [-4, -4, -4]\nmax_mm = [4, 4, 4]\n";
     let mesh = |file: &str| SCENE.replace(block, &format!("shape = \"mesh\"\nfile = \"{file}\"\n"));
     for (scene, said) in [
@@ -297,6 +302,14 @@ fn bad_scenes_are_answered() {
         (mesh("nan.obj"), "vertex 1"),
         (mesh("empty.obj"), "no triangle"),
         (mesh("open.obj"), "no path finds it"),
+        (mesh("normal.obj"), "normals of vertex 2"),
+        (
+            SCENE.replace(
+                "kind = \"beam\"\nfrom_mm = [0, -1, 20]\ndirection = [0, 0, -1]\nradius_mm = 0.5",
+                "kind = \"area\"\ncorner_mm = [-9, -9, 3]\nu_mm = [9, 0, 0]\nv_mm = [0, 9, 0]",
+            ),
+            "light 1 is inside sample",
+        ),
     ] {
         fs::write(path.join("scene.toml"), &scene).unwrap();
         let (code, _, error) = call(
@@ -309,6 +322,24 @@ fn bad_scenes_are_answered() {
             "{said}: {error}"
         );
         assert!(!path.join("x.exr").exists());
+    }
+    // A clear block: transport shows it, and models of the surface refuse it.
+    let clear = SCENE.replace("= 0.05, sigma_s_per_mm = 1", "= 0, sigma_s_per_mm = 0");
+    fs::write(path.join("scene.toml"), clear).unwrap();
+    for (method, code) in [
+        ("monte-carlo", 0),
+        ("brdf", 3),
+        ("bssrdf", 3),
+        ("point-cloud", 3),
+    ] {
+        let method = ["--method", method, "--rounds", "2", "--photons", "10"];
+        let output = format!("{}.exr", method[1]);
+        let (found, _, error) = call(
+            path,
+            &[&["render", "scene.toml", "-o", &output][..], &method].concat(),
+        );
+        assert_eq!(found, Some(code), "{method:?}: {error}");
+        assert!(code == 0 || error.contains("clear medium"), "{error}");
     }
     // Open, but under a sky: a picture, and a warning.
     let open = mesh("open.obj").replace(
@@ -460,4 +491,182 @@ fn a_rendered_spot_is_measured() {
         assert!(code == Some(3) && error.contains(said), "{error}");
         assert!(!path.join("other").exists());
     }
+}
+
+/// A picture of floating-point numbers, as FITS has them.
+fn fits(width: usize, values: &[f32]) -> Vec<u8> {
+    let height = values.len() / width;
+    let cards = [
+        "SIMPLE  =                    T".to_owned(),
+        "BITPIX  =                  -32".to_owned(),
+        "NAXIS   =                    2".to_owned(),
+        format!("NAXIS1  = {width:>20}"),
+        format!("NAXIS2  = {height:>20}"),
+        "END".to_owned(),
+    ];
+    let mut bytes: Vec<u8> = cards
+        .iter()
+        .flat_map(|card| format!("{card:<80}").into_bytes())
+        .collect();
+    bytes.resize(2880, b' ');
+    bytes.extend(values.iter().flat_map(|v| v.to_be_bytes()));
+    bytes.resize(2 * 2880, 0);
+    bytes
+}
+
+/// A texture is shown by every model of the surface, and what cannot be one is named.
+#[test]
+fn textures_are_shown_or_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let write = |name: &str, bytes: &[u8]| fs::write(path.join(name), bytes).unwrap();
+    write("grays.pgm", b"P5 2 2 255\n\x80\xa0\xa0\xd0");
+    write("small.pgm", b"P5 1 1 255\n\x10");
+    write("rgb.ppm", b"P6 1 1 255\n\x10\x10\x10");
+    write("cut.pgm", b"P5 2 2 255\n\x10");
+    write("no.png", b"nothing");
+    write("half.fits", &fits(2, &[0.5; 4]));
+    write("bright.fits", &fits(2, &[0.5, 0.5, 0.5, 1.25]));
+    write("negative.fits", &fits(2, &[0.5, -0.25, 0.5, 0.5]));
+    write("nan.fits", &fits(2, &[0.5, f32::NAN, 0.5, 0.5]));
+    write("black.pgm", b"P5 2 2 255\n\x00\x00\x00\x00");
+    let sky = SCENE.replace(
+        "kind = \"beam\"\nfrom_mm = [0, -1, 20]\ndirection = [0, 0, -1]\nradius_mm = 0.5",
+        "kind = \"sky\"",
+    );
+    let texture = |keys: &str| {
+        let keys = format!("eta = 1.4\ntexture = {{ {keys} }}");
+        fs::write(path.join("scene.toml"), sky.replace("eta = 1.4", &keys)).unwrap();
+    };
+    let render = |more: &[&str]| {
+        let common = ["render", "scene.toml", "-o", "x.exr", "--rounds", "2"];
+        call(path, &[&common[..], more, &["--force"]].concat())
+    };
+    // The light of a texture of one value is that of the medium with this value.
+    let mean = |name: &str| {
+        let (code, out, error) = call(path, &["compare", name, name, "--json"]);
+        assert_eq!(code, Some(0), "{error}");
+        let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+        found["channels"][0]["mean"][0].as_f64().unwrap()
+    };
+    for more in [
+        &["--method", "bssrdf"][..],
+        &["--method", "point-cloud"],
+        &["--method", "brdf"],
+    ] {
+        if !more.contains(&"point-cloud") {
+            texture("size_mm = [3, 3], albedo = \"grays.pgm\"");
+            let (code, _, error) = render(more);
+            assert_eq!(code, Some(0), "{more:?}: {error}");
+        }
+        let even = sky.replace("= 0.05, sigma_s_per_mm = 1", "= 0.5, sigma_s_per_mm = 1");
+        fs::write(path.join("scene.toml"), even).unwrap();
+        assert_eq!(render(more).0, Some(0));
+        let expected = mean("x.exr");
+        texture("size_mm = [3, 3], sigma_a_per_mm = { file = \"half.fits\", scale = 1 }");
+        assert_eq!(render(more).0, Some(0));
+        let found = mean("x.exr");
+        println!("{more:?}: {found} for {expected}");
+        assert!((found / expected - 1.0).abs() < 1e-3, "{more:?}");
+    }
+    let layers = SCENE.replace(
+        "eta = 1.4",
+        "eta = 1.33\nlayers = \"leaf\"\ntexture = { size_mm = [3, 3], albedo = \"grays.pgm\" }",
+    );
+    fs::write(path.join("scene.toml"), layers).unwrap();
+    let (code, _, error) = render(&["--method", "brdf", "--brdf", "layered"]);
+    assert!(
+        code == Some(3) && error.contains("has a `texture`"),
+        "{error}"
+    );
+    texture("size_mm = [3, 3], albedo = \"grays.pgm\"");
+    let (code, _, error) = render(&["--method", "monte-carlo"]);
+    assert!(
+        code == Some(3) && error.contains("nothing of the medium inside"),
+        "{error}"
+    );
+    for (keys, said) in [
+        ("size_mm = [3, 3]", "expected either `albedo`"),
+        ("albedo = \"grays.pgm\"", "`size_mm` is missing"),
+        (
+            "size_mm = [3, 0], albedo = \"grays.pgm\"",
+            "`size_mm`: expected a number above 0",
+        ),
+        (
+            "size_mm = [3, 3], albedo = \"none.png\"",
+            "`albedo`: none.png",
+        ),
+        ("size_mm = [3, 3], albedo = \"no.png\"", "no.png: no frame"),
+        ("size_mm = [3, 3], albedo = \"cut.pgm\"", "cut.pgm"),
+        (
+            "size_mm = [3, 3], albedo = \"rgb.ppm\"",
+            "rgb.ppm: expected a gray picture",
+        ),
+        (
+            "size_mm = [3, 3], albedo = \"bright.fits\"",
+            "bright.fits: pixel 1, 1: expected a share from 0 to 1, found 1.25",
+        ),
+        (
+            "size_mm = [3, 3], sigma_s_prime_per_mm = \"negative.fits\"",
+            "`sigma_s_prime_per_mm`: negative.fits: pixel 1, 0: expected a coefficient",
+        ),
+        (
+            "size_mm = [3, 3], sigma_a_per_mm = \"nan.fits\"",
+            "nan.fits: pixel 1, 0",
+        ),
+        (
+            "size_mm = [3, 3], sigma_a_per_mm = { file = \"grays.pgm\", scale = -1 }",
+            "`scale`: expected a number above 0",
+        ),
+        (
+            "size_mm = [3, 3], sigma_a_per_mm = { file = \"grays.pgm\", scale = [1, 2] }",
+            "expected one number, or 1",
+        ),
+        (
+            "size_mm = [3, 3], sigma_a_per_mm = \"grays.pgm\", sigma_s_per_mm = \"small.pgm\"",
+            "small.pgm: expected 2 x 2 pixels",
+        ),
+        (
+            "size_mm = [3, 3], albedo = \"grays.pgm\", sigma_a_per_mm = \"grays.pgm\"",
+            "expected either `albedo`",
+        ),
+        (
+            "size_mm = [3, 3], sigma_a_per_mm = \"black.pgm\", sigma_s_per_mm = \"black.pgm\"",
+            "pixel 0, 0 of its texture",
+        ),
+        (
+            "size_mm = [3, 3], albedo = 0.5",
+            "expected the name of a picture",
+        ),
+        (
+            "size_mm = [3, 3], albdo = \"grays.pgm\"",
+            "did you mean `albedo`",
+        ),
+    ] {
+        texture(keys);
+        let (code, _, error) = call(
+            path,
+            &["render", "scene.toml", "-o", "y.exr", "--method", "brdf"],
+        );
+        assert_eq!(code, Some(3), "{said}: {error}");
+        assert!(
+            error.contains(said) && error.contains("scene.toml"),
+            "{said}: {error}"
+        );
+        assert!(!path.join("y.exr").exists());
+    }
+    let ball = SCENE.replace(
+        "shape = \"block\"\nmin_mm = [-4, -4, -4]\nmax_mm = [4, 4, 4]\n",
+        "shape = \"mesh\"\nfile = \"tetra.obj\"\ntexture = { albedo = \"grays.pgm\" }\n",
+    );
+    write(
+        "tetra.obj",
+        b"v 0 0 0\nv 5 0 0\nv 0 5 0\nv 0 0 5\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    );
+    fs::write(path.join("scene.toml"), ball).unwrap();
+    let (code, _, error) = render(&["--method", "brdf"]);
+    assert!(
+        code == Some(3) && error.contains("no texture coordinates"),
+        "{error}"
+    );
 }

@@ -123,6 +123,45 @@ pub struct ObjectEntry {
     /// Layers of the surface, for the layered BRDF: a `MEDIUM.toml` beside the scene or a shipped
     /// medium, one for all channels or one for each.
     pub layers: Option<Names>,
+    /// Pictures that vary the coefficients over the surface.
+    pub texture: Option<TextureEntry>,
+}
+
+/// `texture` of an object: pictures in the place of coefficients of its material, which keeps the
+/// others, g and eta. Models of the surface show it; volume transport refuses it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextureEntry {
+    /// Half-space and block: width and height of the picture, which is repeated, mm. A mesh has
+    /// texture coordinates of its own, a ball longitude and latitude.
+    pub size_mm: Option<[f64; 2]>,
+    /// Share that leaves of the light that enters, 0 to 1: α′ is made such that it is the dipole's
+    /// total, at the material's σₜ′. Whole numbers are sRGB, floating-point numbers linear.
+    pub albedo: Option<PictureEntry>,
+    /// Absorption coefficient: the picture, linear, times `scale`, mm⁻¹.
+    pub sigma_a_per_mm: Option<PictureEntry>,
+    /// Scattering coefficient, likewise; or else the reduced one.
+    pub sigma_s_per_mm: Option<PictureEntry>,
+    /// Reduced scattering coefficient, likewise.
+    pub sigma_s_prime_per_mm: Option<PictureEntry>,
+}
+
+/// A picture beside the scene, gray or with the channels of the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a picture, or { file = \"NAME\", scale = NUMBER } with one scale or one a channel"
+)]
+pub enum PictureEntry {
+    /// As it is: whole numbers from 0 to 1, floating-point numbers themselves.
+    File(String),
+    /// Times a number.
+    Scaled {
+        /// The picture.
+        file: String,
+        /// The number.
+        scale: PerChannel,
+    },
 }
 
 /// One name or a list.

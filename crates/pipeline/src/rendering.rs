@@ -5,6 +5,8 @@ mod flip;
 mod layers;
 mod outputs;
 mod scene;
+mod srgb;
+mod texture;
 mod validation;
 
 pub use difference::{
@@ -23,12 +25,13 @@ use gauss_quad::GaussLegendre;
 use physics::brdf::{BrdfApproximation, Directions};
 use physics::{
     BetterDipoleModel, DiffuseFresnel, DipoleModel, DirectionalModel, ForwardModel, Layer,
-    LayeredMedium, Medium, ObliqueBeam, Phase, fresnel,
+    LayeredMedium, Medium, ObliqueBeam, Phase, ReducedMedium, fresnel,
 };
-use render::bssrdf::{Bssrdf, Diffusion, Exit, Profile, Sampling};
+use rayon::prelude::*;
+use render::bssrdf::{Bssrdf, Diffusion, Exit, Family, Profile, Sampling};
 use render::{
-    Brdf, Gather, Kind as BrdfKind, Layered, Method, MonteCarlo, Options, Picture, PointCloud,
-    Scene, Shaded,
+    Brdf, Gather, Kind as BrdfKind, Layered, Material, Method, MonteCarlo, Options, Picture,
+    PointCloud, Scene, Shaded,
 };
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
@@ -217,15 +220,42 @@ pub fn audit(model: BssrdfModel, medium: &Medium) -> Result<(f64, f64)> {
     Ok((diffuse, single))
 }
 
+/// The diffusion of a channel of a material: of its medium or, under a texture, of all between.
+fn family(model: BssrdfModel, material: &Material, channel: usize) -> Result<Family> {
+    let base = material.media[channel];
+    if material.texture.is_none() {
+        return Ok(model.diffusion(&base)?.into());
+    }
+    let media = material.representatives(channel);
+    let albedos = media
+        .iter()
+        .map(|m| m.reduced().coefficients().albedo_prime());
+    let ends = albedos.fold([1.0_f64, 0.0_f64], |[low, high], a| {
+        [low.min(a), high.max(a)]
+    });
+    let albedos = Family::albedos(ends);
+    let tables = albedos.par_iter().map(|albedo| {
+        let reduced = ReducedMedium {
+            sigma_a: 1.0 - albedo,
+            sigma_s_prime: *albedo,
+            eta: base.eta,
+        };
+        model.diffusion(&reduced.with_g(base.g))
+    });
+    Ok(Family::between(&albedos, tables.collect::<Result<_>>()?))
+}
+
 fn bssrdf(scene: &Scene, model: BssrdfModel, sampling: Sampling) -> Result<Bssrdf> {
     let of_object = scene
         .objects
         .iter()
         .map(|object| {
-            let media = object.material.media.iter();
-            media.map(|medium| model.diffusion(medium)).collect()
+            let channels = 0..scene.channels.len();
+            channels
+                .map(|channel| family(model, &object.material, channel))
+                .collect()
         })
-        .collect::<Result<Vec<Vec<Diffusion>>>>()?;
+        .collect::<Result<Vec<Vec<Family>>>>()?;
     Ok(Bssrdf::new(
         scene,
         of_object,
@@ -241,6 +271,9 @@ fn method<'a>(loaded: &'a Loaded, options: &RenderOptions) -> Result<Box<dyn Met
     let RenderOptions {
         seed, components, ..
     } = *options;
+    if options.method != MethodChoice::MonteCarlo {
+        scene.check_for_surfaces().input(loaded.path.display())?;
+    }
     Ok(match options.method {
         MethodChoice::MonteCarlo => {
             let options = Options {
@@ -260,6 +293,13 @@ fn method<'a>(loaded: &'a Loaded, options: &RenderOptions) -> Result<Box<dyn Met
                 .iter()
                 .zip(&loaded.layers)
                 .map(|(object, found)| {
+                    if object.material.texture.is_some() {
+                        let message = format!(
+                            "object `{}` has a `texture`, which --brdf layered does not show: its layers have media of their own; leave one of the two out",
+                            object.name
+                        );
+                        return Err(Error::new(Kind::Input, message).within(loaded.path.display()));
+                    }
                     if found.is_empty() {
                         let message = format!(
                             "object `{}` has no `layers`, which --brdf layered shows",
@@ -361,7 +401,7 @@ mod tests {
     use physics::random::{stream, uniform};
     use render::camera::Lens;
     use render::surface::{Point, Shader};
-    use render::{Camera, HalfSpace, Lamp, Light, Material, Object, Shape, Vec3, View};
+    use render::{Camera, HalfSpace, Lamp, Light, Object, Shape, Vec3, View};
 
     fn medium(albedo: f64, eta: f64) -> Medium {
         Medium {
@@ -421,6 +461,7 @@ mod tests {
                 }),
                 material: Material {
                     media: vec![medium],
+                    texture: None,
                 },
             }],
             lamps: vec![Lamp {
@@ -437,6 +478,7 @@ mod tests {
             at: Vec3::ZERO,
             true_normal: Vec3::Z,
             normal: Vec3::Z,
+            coordinates: None,
         };
         for (name, model) in BssrdfModel::ALL {
             let shader = bssrdf(&scene, model, Sampling::Axes).unwrap();

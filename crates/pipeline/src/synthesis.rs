@@ -265,6 +265,7 @@ fn spot(
                     g,
                     eta: wanted.eta,
                 }],
+                texture: None,
             },
         }],
         lamps: vec![Lamp {

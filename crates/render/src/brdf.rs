@@ -5,7 +5,8 @@ use crate::scene::Scene;
 use crate::surface::{Point, Shader, arrives};
 use physics::brdf::{BrdfApproximation, Directions};
 use physics::random::Stream;
-use physics::{DiffuseFresnel, Dipole};
+use physics::{DiffuseFresnel, Dipole, Medium};
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// Which BRDF.
@@ -17,19 +18,23 @@ pub enum Kind {
     Jensen,
 }
 
-/// A BRDF for each solid and channel.
+/// A BRDF for each solid and channel; under a texture, that of the medium at the point.
 pub struct Brdf {
     kind: Kind,
-    of_object: Vec<Vec<(BrdfApproximation, f64)>>,
+    of_object: Vec<Vec<OfMedium>>,
+}
+
+/// Jensen's, and the dipole's total.
+type OfMedium = (BrdfApproximation, f64);
+
+fn of_medium(medium: &Medium) -> OfMedium {
+    let total = Dipole::new(&medium.reduced(), DiffuseFresnel::Exact).total_reflectance();
+    (BrdfApproximation::new(medium, DiffuseFresnel::Exact), total)
 }
 
 impl Brdf {
     /// The BRDFs of the materials of `scene`.
     pub fn new(scene: &Scene, kind: Kind) -> Self {
-        let of_medium = |medium: &physics::Medium| {
-            let total = Dipole::new(&medium.reduced(), DiffuseFresnel::Exact).total_reflectance();
-            (BrdfApproximation::new(medium, DiffuseFresnel::Exact), total)
-        };
         let of_object = scene
             .objects
             .iter()
@@ -55,6 +60,10 @@ impl Shader for Brdf {
         single: &mut [f64],
         diffuse: &mut [f64],
     ) {
+        let here: Cow<[OfMedium]> = match point.coordinates {
+            None => Cow::Borrowed(&self.of_object[point.object]),
+            Some(_) => scene.media(point).iter().map(of_medium).collect(),
+        };
         for (index, lamp) in scene.lamps.iter().enumerate() {
             let Some(incident) = arrives(scene, index, point, rng) else {
                 continue;
@@ -65,7 +74,7 @@ impl Shader for Brdf {
                 cos_azimuth: azimuth(point.normal, incident.toward, view),
             };
             let irradiance = incident.irradiance * directions.cos_in;
-            for (channel, (brdf, total)) in self.of_object[point.object].iter().enumerate() {
+            for (channel, (brdf, total)) in here.iter().enumerate() {
                 let light = irradiance * lamp.strength[channel];
                 match self.kind {
                     Kind::Lambert => diffuse[channel] += light * total / PI,

@@ -108,6 +108,19 @@ impl Profile {
         self.total
     }
 
+    /// The same light where all lengths are shorter by a factor of `per_mm`.
+    fn scaled(&self, per_mm: f64) -> Self {
+        let shift = per_mm.ln();
+        Self {
+            start: self.start - shift,
+            step: self.step,
+            ln_value: self.ln_value.iter().map(|v| v + 2.0 * shift).collect(),
+            within: self.within.clone(),
+            total: self.total,
+            sigma_tr: self.sigma_tr * per_mm,
+        }
+    }
+
     /// First and last radius of the table, mm: R_d is the same below, and 0 beyond.
     pub(crate) fn range(&self) -> (f64, f64) {
         let last = self.start + (RADII - 1) as f64 * self.step;
@@ -177,7 +190,154 @@ pub struct Diffusion {
     pub source_depth_mm: f64,
 }
 
-impl Diffusion {
+/// The diffusion of every medium that a channel of a solid has.
+///
+/// A medium is a scale of lengths, 1/σₜ′, and α′: under a texture there are tables over α′, of media
+/// with a σₜ′ of 1 mm⁻¹, and what is asked for lies between two of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Family {
+    /// √(1 − α′) of each table, increasing; none where there is but one medium.
+    roots: Vec<f64>,
+    /// The tables; under a texture over α′.
+    tables: Vec<Diffusion>,
+}
+
+impl From<Diffusion> for Family {
+    /// That of a medium that is the same everywhere.
+    fn from(diffusion: Diffusion) -> Self {
+        Self {
+            roots: vec![],
+            tables: vec![diffusion],
+        }
+    }
+}
+
+/// Ratio of √(1 − α′) between tables: far from the source, at ten times 1/σₜᵣ, what lies between is
+/// 0.3 % off, and less where there is more light.
+const ROOT_RATIO: f64 = 1.05;
+/// Below this √(1 − α′) the next table is that of a medium without absorption.
+const LEAST_ROOT: f64 = 1e-3;
+/// Media with a smaller α′ are taken to be as this one, but for α′ itself: all is single scattering.
+const LEAST_ALBEDO: f64 = 1e-3;
+
+impl Family {
+    /// The α′ of which [`Self::between`] needs tables so that those between `ends` are met.
+    pub fn albedos(ends: [f64; 2]) -> Vec<f64> {
+        let root = |albedo: f64| (1.0 - albedo.clamp(LEAST_ALBEDO, 1.0)).sqrt();
+        let [first, last] = [root(ends[1]), root(ends[0])];
+        let mut roots = vec![first];
+        if first < LEAST_ROOT && last > first {
+            roots = vec![0.0, LEAST_ROOT.min(last)];
+        }
+        let start = roots[roots.len() - 1];
+        let count = ((last / start).ln() / ROOT_RATIO.ln()).ceil().max(0.0) as usize;
+        let ratio = (last / start).powf(1.0 / count.max(1) as f64);
+        roots.extend((1..=count).map(|k| start * ratio.powi(k as i32)));
+        roots.into_iter().map(|root| 1.0 - root * root).collect()
+    }
+
+    /// From the diffusion of media with a σₜ′ of 1 mm⁻¹ and these α′, which decrease.
+    ///
+    /// # Panics
+    ///
+    /// If the lists are not of one length.
+    pub fn between(albedos: &[f64], mut tables: Vec<Diffusion>) -> Self {
+        assert_eq!(albedos.len(), tables.len());
+        for (table, albedo) in tables.iter_mut().zip(albedos) {
+            table.share /= albedo;
+        }
+        Self {
+            roots: albedos.iter().map(|a| (1.0 - a).max(0.0).sqrt()).collect(),
+            tables,
+        }
+    }
+
+    /// Its tables.
+    pub(crate) fn tables(&self) -> &[Diffusion] {
+        &self.tables
+    }
+
+    /// The diffusion of one of its media.
+    pub(crate) fn of(&self, medium: &Medium) -> Local<'_> {
+        if self.roots.is_empty() {
+            return self.local(0, 0.0, 1.0, 1.0);
+        }
+        let coefficients = medium.reduced().coefficients();
+        let albedo = coefficients.albedo_prime();
+        let root = (1.0 - albedo).max(0.0).sqrt();
+        let last = self.roots.len() - 1;
+        let next = self.roots.partition_point(|r| *r <= root);
+        let (table, part) = match next {
+            0 => (0, 0.0),
+            next if next > last => (last, 0.0),
+            next => {
+                let (low, high) = (self.roots[next - 1], self.roots[next]);
+                (next - 1, (root - low) / (high - low))
+            }
+        };
+        self.local(table, part, coefficients.sigma_t_prime(), albedo)
+    }
+
+    fn local(&self, table: usize, part: f64, per_mm: f64, albedo: f64) -> Local<'_> {
+        Local {
+            family: self,
+            table,
+            part,
+            per_mm,
+            albedo,
+            per_square: per_mm * per_mm,
+            source_depth_mm: self.tables[table].source_depth_mm / per_mm,
+        }
+    }
+}
+
+/// The diffusion of one medium of a [`Family`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Local<'a> {
+    family: &'a Family,
+    /// The table before, and how far on the way to the next.
+    table: usize,
+    part: f64,
+    /// Lengths of the tables for each mm.
+    per_mm: f64,
+    /// Factor on the tables.
+    albedo: f64,
+    per_square: f64,
+    source_depth_mm: f64,
+}
+
+impl Local<'_> {
+    /// Between the values of the two tables, on a line in the logarithms if there is light in both.
+    #[inline]
+    fn mixed(&self, of_table: impl Fn(usize) -> f64) -> f64 {
+        let here = of_table(self.table);
+        if self.part == 0.0 {
+            return here;
+        }
+        let next = of_table(self.table + 1);
+        if here > 0.0 && next > 0.0 {
+            here.powf(1.0 - self.part) * next.powf(self.part)
+        } else {
+            here + self.part * (next - here)
+        }
+    }
+
+    /// R_d with its share at the square of a distance, mm⁻², `of_table` being that of a table at
+    /// the square of a distance in its own lengths.
+    #[inline]
+    pub(crate) fn spread_by(&self, square: f64, of_table: impl Fn(usize, f64) -> f64) -> f64 {
+        let own = square * self.per_square;
+        self.albedo * self.per_square * self.mixed(|table| of_table(table, own))
+    }
+
+    /// [`Self::spread_by`] from the tables themselves.
+    fn spread(&self, square: f64) -> f64 {
+        let tables = &self.family.tables;
+        self.spread_by(square, |table, square| {
+            tables[table].share * tables[table].profile.value(square.sqrt())
+        })
+    }
+
     /// Square of the distance at which R_d of a plane is taken between where light enters and a
     /// point whose offset from there has the square `square` and the part `along` the normal.
     ///
@@ -187,11 +347,42 @@ impl Diffusion {
     pub(crate) fn square_of_distance(&self, square: f64, along: f64) -> f64 {
         (square + 2.0 * self.source_depth_mm * along).max(0.0)
     }
+
+    /// All that leaves of the light that enters.
+    pub(crate) fn total(&self) -> f64 {
+        let tables = &self.family.tables;
+        self.albedo * self.mixed(|table| tables[table].share * tables[table].profile.total)
+    }
+
+    /// Mean distance between where light enters and where it leaves, mm.
+    pub(crate) fn mean_distance(&self) -> f64 {
+        let tables = &self.family.tables;
+        self.mixed(|table| tables[table].profile.mean_distance()) / self.per_mm
+    }
+
+    /// It by itself.
+    fn alone(&self) -> Diffusion {
+        let nearest = self.table + usize::from(self.part > 0.5);
+        let Diffusion {
+            ref profile, share, ..
+        } = self.family.tables[nearest];
+        Diffusion {
+            profile: profile.scaled(self.per_mm),
+            share: share * self.albedo,
+            source_depth_mm: self.source_depth_mm,
+        }
+    }
 }
 
 /// The BSSRDF of all solids of a scene.
+///
+/// Under a texture the diffusion is that of the medium where light enters, and light that scattered
+/// once meets on its way out the medium where it leaves, and on its way in that where it enters
+/// (Jensen et al. 2001, section 4).
 pub struct Bssrdf {
-    of_object: Vec<Vec<Diffusion>>,
+    of_object: Vec<Vec<Family>>,
+    /// Of each solid: the diffusions by which points are drawn, all together.
+    drawn_by: Vec<Vec<Diffusion>>,
     /// Of each solid and channel: what F_t of the way out is multiplied by.
     leaving: Vec<Vec<f64>>,
     single: bool,
@@ -291,12 +482,24 @@ impl Bssrdf {
     /// If the lists do not fit the scene.
     pub fn new(
         scene: &Scene,
-        of_object: Vec<Vec<Diffusion>>,
+        of_object: Vec<Vec<impl Into<Family>>>,
         exit: Exit,
         single: bool,
         sampling: Sampling,
     ) -> Self {
+        let families = |list: Vec<_>| list.into_iter().map(Into::into).collect();
+        let of_object: Vec<Vec<Family>> = of_object.into_iter().map(families).collect();
         scene.assert_one_each(&of_object);
+        let drawn_by = |(object, families): (&Object, &Vec<Family>)| {
+            let families = families.iter().enumerate();
+            families
+                .flat_map(|(channel, family)| {
+                    let media = object.material.representatives(channel);
+                    media.into_iter().map(|m| family.of(&m).alone())
+                })
+                .collect()
+        };
+        let drawn_by = scene.objects.iter().zip(&of_object).map(drawn_by).collect();
         let leaving = |object: &Object| {
             let of_medium = |medium: &Medium| match exit {
                 Exit::Paper => 1.0 / PI,
@@ -310,6 +513,7 @@ impl Bssrdf {
         let leaving = scene.objects.iter().map(leaving).collect();
         Self {
             of_object,
+            drawn_by,
             leaving,
             single,
             sampling,
@@ -403,17 +607,17 @@ impl Bssrdf {
 
     /// A line across the plane of one of the axes, at a distance from `to` that is drawn.
     fn line(&self, to: &Point, axes: &[(Vec3, f64)], rng: &mut Stream) -> Option<(Vec3, Vec3)> {
-        let media = &self.of_object[to.object];
+        let drawn_by = &self.drawn_by[to.object];
         let pick = uniform(rng);
         let mut sum = 0.0;
         let &(axis, _) = axes.iter().find(|(_, share)| {
             sum += share;
             pick < sum
         })?;
-        // The profile of one channel serves all, with the mean of their densities.
-        let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
+        // One profile serves all, with the mean of their densities.
+        let one = ((uniform(rng) * drawn_by.len() as f64) as usize).min(drawn_by.len() - 1);
         let xi = uniform(rng);
-        let model = &media[channel];
+        let model = &drawn_by[one];
         let [own, curved, _] = self.shares(model);
         let way = uniform(rng);
         let radius = if way < own {
@@ -433,9 +637,9 @@ impl Bssrdf {
 
     /// How many points [`Self::line`] finds at `from`, mm⁻².
     fn density(&self, to: &Point, from: &Point, axes: &[(Vec3, f64)]) -> f64 {
-        let media = &self.of_object[to.object];
+        let drawn_by = &self.drawn_by[to.object];
         let of_radius = |radius: f64| {
-            let of_channel = |d: &Diffusion| {
+            let of_one = |d: &Diffusion| {
                 let [own, curved, far] = self.shares(d);
                 let s = d.profile.sigma_tr;
                 let most = 2.0 * d.source_depth_mm;
@@ -451,7 +655,7 @@ impl Bssrdf {
                 }
                 density
             };
-            media.iter().map(of_channel).sum::<f64>() / media.len() as f64
+            drawn_by.iter().map(of_one).sum::<f64>() / drawn_by.len() as f64
         };
         let offset = from.at - to.at;
         let of_axis = |(axis, share): &(Vec3, f64)| {
@@ -461,17 +665,20 @@ impl Bssrdf {
         axes.iter().map(of_axis).sum()
     }
 
-    /// Diffuse radiance at `to` for each unit of power that enters at `from`, over π times the
-    /// factor of exit, mm⁻².
-    fn spread(diffusion: &Diffusion, from: &Point, to: &Point) -> f64 {
-        let offset = to.at - from.at;
-        let square =
-            diffusion.square_of_distance(offset.length_squared(), offset.dot(from.true_normal));
-        diffusion.share * diffusion.profile.value(square.sqrt())
+    /// The diffusion of the medium at a point, by channel.
+    pub(crate) fn at<'a>(
+        &'a self,
+        object: usize,
+        media: &'a [Medium],
+    ) -> impl Iterator<Item = Local<'a>> {
+        let families = self.of_object[object].iter();
+        families
+            .zip(media)
+            .map(|(family, medium)| family.of(medium))
     }
 
     /// The diffusion of a solid, by channel.
-    pub(crate) fn of_object(&self, object: usize) -> &[Diffusion] {
+    pub(crate) fn of_object(&self, object: usize) -> &[Family] {
         &self.of_object[object]
     }
 
@@ -496,7 +703,6 @@ impl Bssrdf {
 
     fn diffuse(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
         let media = &scene.objects[point.object].material.media;
-        let models = &self.of_object[point.object];
         let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
         let leaves = media.iter().enumerate();
         let leaves: Vec<f64> = leaves
@@ -512,11 +718,19 @@ impl Bssrdf {
                     * leaves[channel];
             }
         };
+        // Diffuse radiance for each unit of power that enters there, over π times the factor of
+        // exit, mm⁻², and what share of all that leaves of it this is, per area.
         let mut spread = vec![0.0; media.len()];
         let reach = |from: &Point, spread: &mut [f64]| {
-            for (spread, model) in spread.iter_mut().zip(models) {
-                *spread = Self::spread(model, from, point);
+            let offset = point.at - from.at;
+            let (square, along) = (offset.length_squared(), offset.dot(from.true_normal));
+            let media = scene.media(from);
+            let mut most = 0.0_f64;
+            for (spread, local) in spread.iter_mut().zip(self.at(point.object, &media)) {
+                *spread = local.spread(local.square_of_distance(square, along));
+                most = most.max(*spread / local.total());
             }
+            most
         };
         // A beam lights a spot that no drawing of points would find: its rays are drawn instead.
         let mut others = false;
@@ -537,13 +751,9 @@ impl Bssrdf {
         }
         if others {
             for (from, per_density) in self.draw(scene, point, rng) {
-                reach(&from, &mut spread);
                 // How much of the light that the point gives back this is, at most over the
                 // channels. Lamps are not looked for in vain: roulette takes what is little.
-                let share = |(spread, model): (&f64, &Diffusion)| {
-                    spread * per_density / (model.share * model.profile.total)
-                };
-                let share = spread.iter().zip(models).map(share).fold(0.0, f64::max);
+                let share = reach(&from, &mut spread) * per_density;
                 let kept = (share / SURE_SHARE).min(1.0);
                 if uniform(rng) >= kept {
                     continue;
@@ -566,7 +776,7 @@ impl Bssrdf {
     /// and its length inside as Snell's law would have it.
     fn once(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
         let object = &scene.objects[point.object];
-        let media = &object.material.media;
+        let media = &*scene.media(point);
         // Indices differ little between channels; the ray is that of the first.
         let inside = part(-view, point.normal, media[0].eta).refracted;
         if inside.dot(point.true_normal) >= 0.0 {
@@ -620,12 +830,14 @@ impl Bssrdf {
             let Some((at, hit)) = found else {
                 continue;
             };
-            let normal = object.shape.shading_normal(at, &hit);
+            let entry = Point::new(scene, point.object, at, &hit);
+            let normal = entry.normal;
             let cos_in = incident.toward.dot(normal);
             if cos_in <= 0.0 {
                 continue;
             }
-            for (channel, medium) in media.iter().enumerate() {
+            let entered = scene.media(&entry);
+            for (channel, (medium, entered)) in media.iter().zip(&*entered).enumerate() {
                 let &Medium {
                     sigma_s, eta, g, ..
                 } = medium;
@@ -635,7 +847,7 @@ impl Bssrdf {
                 };
                 let length = hit.distance * cos_in / inner;
                 let phase = HenyeyGreenstein { g }.density(-arriving.refracted.dot(inside));
-                let depth = medium.sigma_t() * (s + length);
+                let depth = medium.sigma_t() * s + entered.sigma_t() * length;
                 out[channel] += lamp.strength[channel]
                     * incident.irradiance
                     * per_density

@@ -23,6 +23,7 @@
 //! | [`layered`] | `brdf` of layers, with a BTDF |
 //! | [`bssrdf`] | the method `bssrdf` |
 //! | [`point_cloud`] | the method `point-cloud` |
+//! | [`texture`] | coefficients that vary over a surface |
 //! | [`film`] | pictures with a standard error in every pixel |
 
 pub mod boundary;
@@ -42,6 +43,7 @@ pub mod point_cloud;
 pub mod scene;
 pub mod shape;
 pub mod surface;
+pub mod texture;
 pub mod walk;
 
 pub use brdf::{Brdf, Kind};
@@ -57,6 +59,7 @@ pub use point_cloud::{Gather, PointCloud};
 pub use scene::{Lamp, Material, Object, Scene, SceneError};
 pub use shape::{Block, HalfSpace, Mesh, MeshError, Shape, Sphere};
 pub use surface::Shaded;
+pub use texture::Texture;
 
 /// A point or a direction, mm.
 pub type Vec3 = glam::DVec3;

@@ -11,7 +11,7 @@ use crate::light::Light;
 use crate::method::{Method, Picture, Planes};
 use crate::paths::{self, Wanted};
 use crate::photons::{Ledger, Photons, Rings, SEEN_DEPTH};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Object, Scene, SceneError};
 
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,8 +57,12 @@ impl<'a> MonteCarlo<'a> {
     /// # Errors
     ///
     /// [`SceneError::OutOfReach`] or [`SceneError::Unbounded`]: a light that neither way does
-    /// justice to.
+    /// justice to. [`SceneError::Textured`]: a solid whose inside nobody has told.
     pub fn new(scene: &'a Scene, options: Options) -> Result<Self, SceneError> {
+        let textured = |o: &&Object| o.material.texture.is_some();
+        if let Some(object) = scene.objects.iter().find(textured) {
+            return Err(SceneError::Textured(object.name.clone()));
+        }
         let flat = scene.objects.iter().all(|o| o.shape.flat_faces().is_some());
         let endless = scene.objects.iter().any(|o| o.shape.bounds().is_none());
         let mut from_lamps = vec![];
@@ -154,7 +158,7 @@ mod tests {
     use super::*;
     use crate::camera::{Camera, Lens, View};
     use crate::light::Spot;
-    use crate::scene::{Lamp, Material, Object};
+    use crate::scene::{Lamp, Material};
     use crate::shape::{Block, Shape};
     use crate::{Estimate, Vec3};
     use physics::Medium;
@@ -186,6 +190,7 @@ mod tests {
                 }),
                 material: Material {
                     media: vec![medium],
+                    texture: None,
                 },
             }],
             lamps: vec![Lamp {

@@ -8,12 +8,12 @@ mod samples;
 mod tree;
 
 use crate::Vec3;
-use crate::bssrdf::{Bssrdf, Diffusion};
+use crate::bssrdf::{Bssrdf, Diffusion, Local};
 use crate::method::{Method, Picture, Planes};
 use crate::scene::{Scene, SceneError};
 use crate::surface::{Point, Shader, arrives, picture};
-use physics::fresnel;
 use physics::random::{Stream, stream};
+use physics::{Medium, fresnel};
 use samples::Surface;
 use std::f64::consts::PI;
 use tree::{Lit, Tree};
@@ -72,14 +72,17 @@ pub fn bell(radius: f64, distance: f64) -> f64 {
 /// Mean distance under [`bell`] over its radius: ∫ r (1 − smoothstep) 2πr dr = 2πD³/15.
 const MEAN_DISTANCE: f64 = 4.0 / 9.0;
 
+/// The given scatter radius, or the one at which the mean distance is the diffusion's own, mm.
+fn scatter_radius(given: Option<f64>, diffusion: &Local<'_>) -> f64 {
+    given.unwrap_or_else(|| diffusion.mean_distance() / MEAN_DISTANCE)
+}
+
 /// One solid as a cloud sees it.
 struct Solid {
     surface: Option<Surface>,
     points: usize,
-    /// Scatter radius of each channel, mm.
-    radii: Vec<f64>,
-    /// R_d of each channel.
-    spreads: Vec<BySquare>,
+    /// R_d of each channel, table by table of its family.
+    spreads: Vec<Vec<BySquare>>,
 }
 
 /// R_d as a table over the square of the distance, eight bits of which tell steps within an octave
@@ -155,24 +158,20 @@ impl<'a> PointCloud<'a> {
             if surface.is_none() && covered {
                 return Err(SceneError::Coverless(object.name.clone()));
             }
-            let diffusions = bssrdf.of_object(index);
-            let media = object.material.media.iter();
-            let paths: Vec<f64> = media
-                .map(|m| 1.0 / m.reduced().coefficients().sigma_t_prime())
-                .collect();
-            let radii: Vec<f64> = diffusions
-                .iter()
-                .map(|d| match gather {
-                    Gather::Smoothstep {
-                        radius: Some(radius),
-                    } => radius,
-                    _ => d.profile.mean_distance() / MEAN_DISTANCE,
-                })
-                .collect();
-            let least = |of: &[f64]| of.iter().copied().fold(f64::INFINITY, f64::min);
+            let families = bssrdf.of_object(index);
+            let all = families.iter().enumerate().flat_map(|(channel, family)| {
+                let media = object.material.representatives(channel).into_iter();
+                media.map(move |medium| (family, medium))
+            });
             let side = match gather {
-                Gather::Hierarchy { .. } => SPACING * least(&paths),
-                Gather::Smoothstep { .. } => SPACING_OF_RADIUS * least(&radii),
+                Gather::Hierarchy { .. } => {
+                    let paths = all.map(|(_, m)| 1.0 / m.reduced().coefficients().sigma_t_prime());
+                    SPACING * paths.fold(f64::INFINITY, f64::min)
+                }
+                Gather::Smoothstep { radius } => {
+                    let radii = all.map(|(family, m)| scatter_radius(radius, &family.of(&m)));
+                    SPACING_OF_RADIUS * radii.fold(f64::INFINITY, f64::min)
+                }
             };
             let area = surface.as_ref().map_or(0.0, Surface::area);
             let most = match gather {
@@ -183,8 +182,10 @@ impl<'a> PointCloud<'a> {
             Ok(Solid {
                 surface: surface.filter(|_| covered),
                 points,
-                radii,
-                spreads: diffusions.iter().map(BySquare::new).collect(),
+                spreads: families
+                    .iter()
+                    .map(|f| f.tables().iter().map(BySquare::new).collect())
+                    .collect(),
             })
         };
         let solids = scene.objects.iter().enumerate().map(solid);
@@ -206,6 +207,12 @@ impl<'a> PointCloud<'a> {
         let channels = self.scene.channels.len();
         let mut points = vec![vec![]; self.solids.len()];
         let mut powers: Vec<Vec<f64>> = vec![vec![]; self.solids.len()];
+        let mut media: Vec<Vec<Medium>> = vec![vec![]; self.solids.len()];
+        let mut remember = |point: &Point| {
+            if point.coordinates.is_some() {
+                media[point.object].extend(&*self.scene.media(point));
+            }
+        };
         for (object, solid) in self.solids.iter().enumerate() {
             let Some(surface) = &solid.surface else {
                 continue;
@@ -219,6 +226,7 @@ impl<'a> PointCloud<'a> {
                     area,
                 });
                 powers[object].extend(self.entering(&point, area, &mut rng));
+                remember(&point);
             }
         }
         // A beam lights a spot that may lie between all points: its own rays are some more.
@@ -245,18 +253,20 @@ impl<'a> PointCloud<'a> {
                 powers[object].extend(media.zip(&lamp.strength).map(|(medium, strength)| {
                     ray.power / RAYS as f64 * strength * fresnel::entry_factor(medium.eta, cos_in)
                 }));
+                remember(&point);
             }
         }
         let trees: Vec<Tree> = points
             .iter()
             .zip(&powers)
-            .map(|(points, powers)| Tree::new(points, powers, channels))
+            .zip(&media)
+            .map(|((points, powers), media)| Tree::new(points, powers, media, channels))
             .collect();
         let gathered = match self.gather {
             Gather::Hierarchy { .. } => vec![],
-            Gather::Smoothstep { .. } => {
-                let all = trees.iter().zip(&self.solids);
-                all.map(|(tree, solid)| gathered(tree, &solid.radii))
+            Gather::Smoothstep { radius } => {
+                let all = trees.iter().enumerate();
+                all.map(|(object, tree)| self.gathered(object, tree, radius))
                     .collect()
             }
         };
@@ -265,6 +275,43 @@ impl<'a> PointCloud<'a> {
             trees,
             gathered,
         }
+    }
+
+    /// Radius of the widest bell, mm, and the light that leaves under the bells around every point of a
+    /// tree, in each channel, W mm⁻².
+    fn gathered(&self, object: usize, tree: &Tree, radius: Option<f64>) -> (f64, Vec<f64>) {
+        let even = &self.scene.objects[object].material.media;
+        let channels = even.len();
+        let of_media = |media: &[Medium]| -> Vec<(f64, f64)> {
+            let all = self.bssrdf.at(object, media);
+            all.map(|local| (scatter_radius(radius, &local), local.total()))
+                .collect()
+        };
+        // Radius and share of the light of every point, or once for all of them.
+        let bells: Vec<Vec<(f64, f64)>> = if self.is_textured(object) {
+            (0..tree.len()).map(|k| of_media(tree.media(k))).collect()
+        } else {
+            vec![of_media(even)]
+        };
+        let bell_of = |k: usize| &bells[k.min(bells.len() - 1)];
+        let widest = bells.iter().flatten().map(|(r, _)| *r).fold(0.0, f64::max);
+        let mut sums = vec![0.0; tree.len() * channels];
+        for (k, sums) in sums.chunks_exact_mut(channels).enumerate() {
+            let from = tree.point(k).0.at;
+            tree.within(from, widest, |other, square| {
+                let powers = tree.point(other).1;
+                let distance = square.sqrt();
+                let bells = bell_of(other).iter().zip(powers);
+                for (sum, (&(radius, total), power)) in sums.iter_mut().zip(bells) {
+                    *sum += power * total * bell(radius, distance);
+                }
+            });
+        }
+        (widest, sums)
+    }
+
+    fn is_textured(&self, object: usize) -> bool {
+        self.scene.objects[object].material.texture.is_some()
     }
 
     /// Power that enters around a point, in each channel.
@@ -291,24 +338,6 @@ impl<'a> PointCloud<'a> {
     }
 }
 
-/// Light under the bell around every point of a tree, per entering light, in each channel.
-fn gathered(tree: &Tree, radii: &[f64]) -> Vec<f64> {
-    let channels = radii.len();
-    let widest = radii.iter().copied().fold(0.0, f64::max);
-    let mut sums = vec![0.0; tree.len() * channels];
-    for (k, sums) in sums.chunks_exact_mut(channels).enumerate() {
-        let from = tree.point(k).0.at;
-        tree.within(from, widest, |other, square| {
-            let powers = tree.point(other).1;
-            let distance = square.sqrt();
-            for (channel, sum) in sums.iter_mut().enumerate() {
-                *sum += powers[channel] * bell(radii[channel], distance);
-            }
-        });
-    }
-    sums
-}
-
 impl Method for PointCloud<'_> {
     fn scene(&self) -> &Scene {
         self.scene
@@ -331,8 +360,8 @@ impl Method for PointCloud<'_> {
 pub struct Cloud<'a> {
     method: &'a PointCloud<'a>,
     trees: Vec<Tree>,
-    /// For each solid, by point and channel: light under the bell.
-    gathered: Vec<Vec<f64>>,
+    /// For each solid the widest bell, mm, and by point and channel the light under all of them.
+    gathered: Vec<(f64, Vec<f64>)>,
 }
 
 impl Cloud<'_> {
@@ -351,26 +380,37 @@ impl Cloud<'_> {
     }
 
     fn by_hierarchy(&self, point: &Point, solid_angle: f64, out: &mut [f64]) {
-        let solid = &self.method.solids[point.object];
-        let diffusions = self.method.bssrdf.of_object(point.object);
-        self.trees[point.object].seen(point.at, solid_angle, |from, powers| {
+        let spreads = &self.method.solids[point.object].spreads;
+        let bssrdf = &self.method.bssrdf;
+        let even = &self.method.scene.objects[point.object].material.media;
+        let even: Vec<Local> = bssrdf.at(point.object, even).collect();
+        self.trees[point.object].seen(point.at, solid_angle, |from, powers, media| {
             let offset = point.at - from.at;
             let (square, along) = (offset.length_squared(), offset.dot(from.normal));
-            for (channel, (out, power)) in out.iter_mut().zip(powers).enumerate() {
-                let square = diffusions[channel].square_of_distance(square, along);
-                *out += power * solid.spreads[channel].value(square);
+            let light = |local: &Local, spreads: &[BySquare]| {
+                let square = local.square_of_distance(square, along);
+                local.spread_by(square, |table, own| spreads[table].value(own))
+            };
+            let channels = out.iter_mut().zip(powers).zip(spreads);
+            if media.is_empty() {
+                for (((out, power), spreads), local) in channels.zip(&even) {
+                    *out += power * light(local, spreads);
+                }
+            } else {
+                let locals = bssrdf.at(point.object, media);
+                for (((out, power), spreads), local) in channels.zip(locals) {
+                    *out += power * light(&local, spreads);
+                }
             }
         });
     }
 
     fn by_bell(&self, point: &Point, out: &mut [f64]) {
         let tree = &self.trees[point.object];
-        let gathered = &self.gathered[point.object];
+        let (widest, gathered) = &self.gathered[point.object];
         let channels = out.len();
-        let radii = &self.method.solids[point.object].radii;
-        let widest = radii.iter().copied().fold(0.0, f64::max);
         // What lies on the other side of a thin sheet is near, but another surface.
-        let near = tree.nearest(point.at, widest, NEAREST, |other| {
+        let near = tree.nearest(point.at, *widest, NEAREST, |other| {
             other.normal.dot(point.true_normal) > 0.0
         });
         let Some((_, last)) = near.last() else {
@@ -387,10 +427,8 @@ impl Cloud<'_> {
             }
         }
         if weights > 0.0 {
-            let diffusions = self.method.bssrdf.of_object(point.object);
-            for (channel, sum) in sums.into_iter().enumerate() {
-                let all = diffusions[channel].share * diffusions[channel].profile.total();
-                out[channel] += all * sum / weights;
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out += sum / weights;
             }
         }
     }

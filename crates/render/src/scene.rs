@@ -4,7 +4,10 @@ use crate::Vec3;
 use crate::camera::Camera;
 use crate::light::{Light, Reach};
 use crate::shape::{Hit, Shape};
+use crate::surface::Point;
+use crate::texture::Texture;
 use physics::{InvalidMedium, Medium};
+use std::borrow::Cow;
 use thiserror::Error;
 
 /// What a solid is filled with, in each channel.
@@ -12,6 +15,19 @@ use thiserror::Error;
 pub struct Material {
     /// One medium a channel; all have their own index, relative to the air around.
     pub media: Vec<Medium>,
+    /// Coefficients over the surface in the place of those of `media`, which keep g and η.
+    pub texture: Option<Texture>,
+}
+
+impl Material {
+    /// Media that stand for all of a channel: its own or, under a texture, those that are farthest
+    /// apart.
+    pub fn representatives(&self, channel: usize) -> Vec<Medium> {
+        let base = self.media[channel];
+        self.texture
+            .as_ref()
+            .map_or_else(|| vec![base], |texture| texture.extremes(base, channel))
+    }
 }
 
 /// A solid.
@@ -74,6 +90,47 @@ pub enum SceneError {
         /// What is wrong.
         error: InvalidMedium,
     },
+    /// A texture is not one value a texel and channel.
+    #[error("object {object}: its texture has no {what}")]
+    Texture {
+        /// The object.
+        object: String,
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A texel is no medium that models of the surface can show.
+    #[error(
+        "object {object}, channel {channel}: pixel {column}, {row} of its texture has sigma_a {sigma_a} and sigma_s {sigma_s} mm^-1; expected numbers of at least 0, not both 0"
+    )]
+    Texel {
+        /// The object.
+        object: String,
+        /// The channel.
+        channel: String,
+        /// Its column, from 0.
+        column: usize,
+        /// Its row, from 0 at the top.
+        row: usize,
+        /// σₐ, mm⁻¹.
+        sigma_a: f32,
+        /// σₛ, mm⁻¹.
+        sigma_s: f32,
+    },
+    /// Models of the surface know of nothing behind it.
+    #[error(
+        "object {object}, channel {channel}: a clear medium, which neither absorbs nor scatters, is nothing that a model of the surface can show; take --method monte-carlo, or give it coefficients"
+    )]
+    Clear {
+        /// The object.
+        object: String,
+        /// The channel.
+        channel: String,
+    },
+    /// A texture of the surface says nothing of the inside.
+    #[error(
+        "monte-carlo: object {0} has a texture, which says what its surface is like and nothing of the medium inside; take --method bssrdf, point-cloud or brdf, or leave the texture out"
+    )]
+    Textured(String),
     /// Light would wander in it for ever.
     #[error(
         "object {object}, channel {channel}: a half-space without absorption keeps light for ever; give it absorption, or make it a block"
@@ -167,19 +224,24 @@ impl Scene {
                 }
             }
         }
+        for object in &self.objects {
+            self.check_texture(object)?;
+        }
         for (lamp, Lamp { light, strength }) in self.lamps.iter().enumerate() {
             let lamp = lamp + 1;
             count(format!("light {lamp}"), strength.len())?;
             if let Some(&found) = strength.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
                 return Err(SceneError::Strength { lamp, found });
             }
-            let place = match *light {
-                Light::Beam { from, .. } => Some(from),
-                Light::Point { at } => Some(at),
-                Light::Area { corner, u, v } => Some(corner + 0.5 * (u + v)),
-                Light::Distant { .. } | Light::Sky => None,
+            let places = match *light {
+                Light::Beam { from: at, .. } | Light::Point { at } => vec![at],
+                Light::Area { corner, u, v } => {
+                    let corners = [Vec3::ZERO, u, v, u + v, 0.5 * (u + v)];
+                    corners.map(|across| corner + across).to_vec()
+                }
+                Light::Distant { .. } | Light::Sky => vec![],
             };
-            if let Some(object) = place.and_then(|p| self.around(p)) {
+            if let Some(object) = places.iter().find_map(|p| self.around(*p)) {
                 let object = object.to_owned();
                 return Err(SceneError::LightInside { lamp, object });
             }
@@ -193,6 +255,79 @@ impl Scene {
             }
         }
         Ok(self)
+    }
+
+    /// Whether a model of the surface can show every solid.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::Clear`].
+    pub fn check_for_surfaces(&self) -> Result<(), SceneError> {
+        for object in &self.objects {
+            let Material { media, texture } = &object.material;
+            let clear = media.iter().position(|medium| medium.sigma_t() == 0.0);
+            if let Some(channel) = clear.filter(|_| texture.is_none()) {
+                return Err(SceneError::Clear {
+                    object: object.name.clone(),
+                    channel: self.channels[channel].clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_texture(&self, object: &Object) -> Result<(), SceneError> {
+        let Some(texture) = &object.material.texture else {
+            return Ok(());
+        };
+        let missing = |what| SceneError::Texture {
+            object: object.name.clone(),
+            what,
+        };
+        let count = texture.width * texture.height;
+        if count == 0 || texture.texels.len() != self.channels.len() {
+            return Err(missing("texels in every channel"));
+        }
+        if !texture.size.iter().all(|side| *side > 0.0) {
+            return Err(missing("size"));
+        }
+        if let Shape::Mesh(mesh) = &object.shape
+            && !mesh.has_texture_coordinates()
+        {
+            return Err(missing("place: its mesh has no texture coordinates"));
+        }
+        for (texels, channel) in texture.texels.iter().zip(&self.channels) {
+            if texels.len() != count {
+                return Err(missing("texel for each of its pixels"));
+            }
+            let usable = |x: &f32| *x >= 0.0 && x.is_finite();
+            let bad = |texel: &[f32; 2]| !texel.iter().all(usable) || texel[0] + texel[1] <= 0.0;
+            if let Some(index) = texels.iter().position(bad) {
+                let [sigma_a, sigma_s] = texels[index];
+                return Err(SceneError::Texel {
+                    object: object.name.clone(),
+                    channel: channel.clone(),
+                    column: index % texture.width,
+                    row: index / texture.width,
+                    sigma_a,
+                    sigma_s,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The media at a point of a surface, by channel.
+    pub(crate) fn media(&self, point: &Point) -> Cow<'_, [Medium]> {
+        let Material { media, texture } = &self.objects[point.object].material;
+        match (texture, point.coordinates) {
+            (Some(texture), Some(coordinates)) => {
+                let all = media.iter().enumerate();
+                all.map(|(channel, base)| texture.medium(*base, channel, coordinates))
+                    .collect()
+            }
+            _ => Cow::Borrowed(media),
+        }
     }
 
     fn around(&self, point: Vec3) -> Option<&str> {

@@ -15,6 +15,7 @@ pub use mesh::{Mesh, MeshError, MeshWarning};
 pub use sphere::Sphere;
 
 use crate::Vec3;
+use std::f64::consts::{PI, TAU};
 
 /// A ray met a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,11 +144,30 @@ impl Shape {
         }
     }
 
-    /// Texture coordinates of a point of the surface, where the shape has some.
+    /// Texture coordinates of a point of the surface, to the right and up as seen from outside: of a
+    /// mesh its own, where it has some; of a ball longitude about z and latitude, each from 0 to 1;
+    /// of a plane and of the faces of a block mm, from its point and its lowest corner.
+    ///
+    /// Up is +z as far as it lies in the face, and +y in a face that looks along z.
     pub fn texture_coordinates(&self, point: Vec3, hit: &Hit) -> Option<[f64; 2]> {
+        let flat = |origin: Vec3| {
+            let right = Vec3::Z.cross(hit.normal).try_normalize();
+            let right = right.unwrap_or(Vec3::Y.cross(hit.normal));
+            let up = hit.normal.cross(right);
+            let offset = point - origin;
+            [offset.dot(right), offset.dot(up)]
+        };
         match self {
+            Self::HalfSpace(s) => Some(flat(s.point)),
+            Self::Block(s) => Some(flat(s.min)),
+            Self::Sphere(_) => {
+                let Vec3 { x, y, z } = hit.normal;
+                Some([
+                    y.atan2(x).rem_euclid(TAU) / TAU,
+                    0.5 + z.clamp(-1.0, 1.0).asin() / PI,
+                ])
+            }
             Self::Mesh(s) => s.texture_coordinates(point, hit),
-            _ => None,
         }
     }
 }

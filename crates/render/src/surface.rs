@@ -8,7 +8,7 @@ use crate::Vec3;
 use crate::boundary::part;
 use crate::light::Incident;
 use crate::method::{Method, Picture, Planes};
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 use crate::shape::Hit;
 use physics::random::{Stream, stream, uniform};
 
@@ -23,6 +23,8 @@ pub struct Point {
     pub true_normal: Vec3,
     /// Normal for shading.
     pub normal: Vec3,
+    /// Texture coordinates, on a solid with a texture.
+    pub coordinates: Option<[f64; 2]>,
 }
 
 impl Point {
@@ -42,12 +44,20 @@ impl Point {
         Self::new(scene, object, at, &hit)
     }
 
-    pub(crate) fn new(scene: &Scene, object: usize, at: Vec3, hit: &Hit) -> Self {
+    /// The place `at` which a ray met `hit`.
+    pub fn new(scene: &Scene, object: usize, at: Vec3, hit: &Hit) -> Self {
+        let Object {
+            shape, material, ..
+        } = &scene.objects[object];
+        let textured = material.texture.is_some();
         Self {
             object,
             at,
             true_normal: hit.normal,
-            normal: scene.objects[object].shape.shading_normal(at, hit),
+            normal: shape.shading_normal(at, hit),
+            coordinates: textured
+                .then(|| shape.texture_coordinates(at, hit))
+                .flatten(),
         }
     }
 }

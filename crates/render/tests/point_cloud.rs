@@ -55,6 +55,7 @@ fn on_top(x: f64, y: f64) -> Point {
         at: Vec3::new(x, y, 0.0),
         true_normal: Vec3::Z,
         normal: Vec3::Z,
+        coordinates: None,
     }
 }
 
@@ -173,6 +174,7 @@ fn it_agrees_with_drawn_points() {
             at,
             true_normal: normal,
             normal,
+            coordinates: None,
         };
         let method = cloud(&scene, Gather::HIERARCHY);
         let (found, u) = mean(&method, &point, 60);
@@ -256,6 +258,7 @@ fn the_hierarchy_is_the_sum_over_all_points() {
                 at: from - hit.distance * from.normalize(),
                 true_normal: hit.normal,
                 normal: hit.normal,
+                coordinates: None,
             };
             let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
             whole.exitance(&point, &mut a);

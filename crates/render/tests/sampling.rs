@@ -95,6 +95,7 @@ fn over_a_plane_the_bssrdf_integrates_to_the_total() {
         at: Vec3::ZERO,
         true_normal: Vec3::Z,
         normal: Vec3::Z,
+        coordinates: None,
     };
     for (sampling, n) in [
         (Sampling::Axes, 1_500_000),
@@ -141,6 +142,7 @@ fn on_a_ball_all_samplers_agree() {
         at: ball.center + ball.radius * normal,
         true_normal: normal,
         normal,
+        coordinates: None,
     };
     let found: Vec<(f64, f64)> = [
         (Sampling::Axes, 1_500_000),
@@ -209,6 +211,7 @@ fn on_a_mesh_in_half_shadow_the_samplers_agree() {
         at: at + hit.distance * Vec3::NEG_Z,
         true_normal: hit.normal,
         normal: hit.normal,
+        coordinates: None,
     };
     let steep = Profile::new(&medium, |radii, out| {
         for (r, value) in radii.iter().zip(out) {

@@ -31,7 +31,10 @@ fn scene(shape: Shape, media: Vec<Medium>, light: Light) -> Scene {
         objects: vec![Object {
             name: "sample".into(),
             shape,
-            material: Material { media },
+            material: Material {
+                media,
+                texture: None,
+            },
         }],
         lamps: vec![Lamp { light, strength }],
         camera: camera(),

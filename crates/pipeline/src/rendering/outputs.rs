@@ -1,6 +1,6 @@
 //! What a rendering leaves behind.
 
-use super::{Loaded, MethodChoice, RenderOptions};
+use super::{Loaded, MethodChoice, RenderOptions, srgb};
 use crate::error::{Error, Kind, Result};
 use crate::files::{Outputs, read, split};
 use crate::fit_json::SCHEMA_VERSION;
@@ -333,13 +333,7 @@ pub(super) fn developed(
     });
     let shown = if channels == 3 { 3 } else { 1 };
     let code = |value: f64| {
-        let x = (value * exposure).clamp(0.0, 1.0);
-        // IEC 61966-2-1.
-        let y = if x <= 0.003_130_8 {
-            12.92 * x
-        } else {
-            1.055 * x.powf(1.0 / 2.4) - 0.055
-        };
+        let y = srgb::encoded((value * exposure).clamp(0.0, 1.0));
         (y * f64::from(u16::MAX)).round() as u16
     };
     let samples: Vec<u16> = (0..pixels)

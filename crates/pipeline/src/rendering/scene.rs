@@ -1,6 +1,6 @@
 //! From `SCENE.toml` and what lies beside it to a scene.
 
-use super::layers;
+use super::{layers, texture};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{open, read, read_text};
 use crate::library;
@@ -37,11 +37,11 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-fn wrong(message: impl std::fmt::Display) -> Error {
+pub(super) fn wrong(message: impl std::fmt::Display) -> Error {
     Error::new(Kind::Input, message.to_string())
 }
 
-/// Reads a scene with its meshes and materials.
+/// Reads a scene with its meshes, materials and textures.
 ///
 /// # Errors
 ///
@@ -104,11 +104,16 @@ fn build(
             }
             _ => channels = Some(names),
         }
+        let texture = entry.texture.as_ref().map(|entry| {
+            let found = texture::texture(entry, &shape, &media, folder, inputs);
+            found.map_err(|e| within(e.within("`texture`")))
+        });
+        let texture = texture.transpose()?;
         layers.push(layers_of(entry, &media, folder, inputs).map_err(within)?);
         objects.push(Object {
             name,
             shape,
-            material: Material { media },
+            material: Material { media, texture },
         });
     }
     let channels = channels.unwrap_or_else(|| file.channels.clone());
@@ -155,7 +160,7 @@ fn direction(of: [f64; 3], key: &str) -> Result<Vec3> {
     unit.ok_or_else(|| wrong(format!("`{key}`: expected a direction, found {found}")))
 }
 
-fn above_zero(value: f64, key: &str) -> Result<f64> {
+pub(super) fn above_zero(value: f64, key: &str) -> Result<f64> {
     if value > 0.0 && value.is_finite() {
         Ok(value)
     } else {
@@ -342,7 +347,7 @@ fn rows(name: &str, folder: &Path, inputs: &mut Vec<PathBuf>) -> Result<Vec<Row>
     Ok(found)
 }
 
-fn each(values: &PerChannel, channels: usize, key: &str) -> Result<Vec<f64>> {
+pub(super) fn each(values: &PerChannel, channels: usize, key: &str) -> Result<Vec<f64>> {
     match values {
         PerChannel::All(value) => Ok(vec![*value; channels]),
         PerChannel::Each(list) if list.len() == channels => Ok(list.clone()),

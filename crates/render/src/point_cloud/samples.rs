@@ -2,7 +2,7 @@
 
 use crate::Vec3;
 use crate::scene::Scene;
-use crate::shape::Shape;
+use crate::shape::{Hit, Shape};
 use crate::surface::{Point, in_triangle};
 use physics::random::{Stream, uniform};
 use std::f64::consts::{PI, TAU};
@@ -103,12 +103,12 @@ impl Surface {
                         let (sin, cos) = (start + golden * k as f64).sin_cos();
                         let r = (1.0 - z * z).max(0.0).sqrt();
                         let normal = (r * cos * u + r * sin * v + z * axis).normalize();
-                        Point {
-                            object,
-                            at: *center + *radius * normal,
-                            true_normal: normal,
+                        let hit = Hit {
+                            distance: 0.0,
                             normal,
-                        }
+                            face: 0,
+                        };
+                        Point::new(scene, object, *center + *radius * normal, &hit)
                     })
                     .collect()
             }

@@ -30,6 +30,16 @@ pub enum MeshError {
         /// Where it is.
         at: Vec3,
     },
+    /// A normal or a texture coordinate is not a number, or infinite.
+    #[error(
+        "the {what} of vertex {index} are not finite; save the mesh with them right, or without"
+    )]
+    NotFiniteOf {
+        /// Of what.
+        what: &'static str,
+        /// The vertex, from 1.
+        index: usize,
+    },
     /// A triangle names a vertex that is not there.
     #[error("triangle {triangle} uses vertex {vertex}, but there are {vertices}")]
     NoSuchVertex {
@@ -155,6 +165,16 @@ impl Mesh {
                 });
             }
         }
+        let normal = normals.iter().position(|n| !n.is_finite());
+        let coordinate = coordinates
+            .iter()
+            .position(|c| !c.iter().all(|x| x.is_finite()));
+        for (what, found) in [("normals", normal), ("texture coordinates", coordinate)] {
+            if let Some(index) = found {
+                let index = index + 1;
+                return Err(MeshError::NotFiniteOf { what, index });
+            }
+        }
         for (triangle, corners) in triangles.iter().enumerate() {
             if let Some(vertex) = corners.iter().find(|v| **v as usize >= vertices.len()) {
                 return Err(MeshError::NoSuchVertex {
@@ -265,6 +285,11 @@ impl Mesh {
     /// Corners of a triangle.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.vertices[v as usize])
+    }
+
+    /// Whether its points have texture coordinates.
+    pub fn has_texture_coordinates(&self) -> bool {
+        !self.coordinates.is_empty()
     }
 
     pub(super) fn bounds(&self) -> (Vec3, Vec3) {
@@ -530,6 +555,17 @@ pub(crate) mod tests {
     fn what_is_wrong_with_triangles_is_said() {
         let (vertices, triangles) = octahedron();
         let new = |v: &[Vec3], t: &[[u32; 3]]| Mesh::new(v.to_vec(), t.to_vec(), vec![], vec![]);
+        let mut normals = vertices.clone();
+        normals[3].x = f64::INFINITY;
+        let mut coordinates = vec![[0.5, 0.5]; 6];
+        coordinates[4][1] = f64::NAN;
+        for (normals, coordinates, index) in [(normals, vec![], 4), (vec![], coordinates, 5)] {
+            let found = Mesh::new(vertices.clone(), triangles.clone(), normals, coordinates);
+            assert!(
+                matches!(found, Err(MeshError::NotFiniteOf { index: i, .. }) if i == index),
+                "{found:?}"
+            );
+        }
         assert_eq!(new(&vertices, &[]).unwrap_err(), MeshError::Empty);
         let mut bad = vertices.clone();
         bad[2].y = f64::NAN;

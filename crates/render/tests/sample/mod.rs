@@ -22,7 +22,10 @@ pub(crate) fn scene(shape: Shape, media: Vec<Medium>, light: Light) -> Scene {
         objects: vec![Object {
             name: "sample".into(),
             shape,
-            material: Material { media },
+            material: Material {
+                media,
+                texture: None,
+            },
         }],
         camera: Camera::new(view, Lens::Orthographic { height: 1.0 }).expect("a camera"),
     }
