@@ -12,6 +12,10 @@ use std::path::Path;
 pub struct Pair {
     /// Material and channel, or channel and radius.
     pub of: String,
+    /// Of profiles the channel, of tables material and channel.
+    pub series: String,
+    /// Radius, mm; of profiles.
+    pub radius_mm: Option<f64>,
     /// Name of the quantity, with its unit.
     pub quantity: &'static str,
     /// The first and the second.
@@ -43,14 +47,29 @@ pub(crate) fn in_u(difference: f64, u: f64) -> Option<f64> {
     (u > 0.0 && u.is_finite()).then(|| difference / u)
 }
 
-fn pair(of: String, quantity: &'static str, a: (f64, f64), b: (f64, f64)) -> Pair {
+fn pair(
+    series: String,
+    radius_mm: Option<f64>,
+    quantity: &'static str,
+    a: (f64, f64),
+    b: (f64, f64),
+) -> Pair {
     Pair {
-        of,
+        of: match radius_mm {
+            Some(radius) => at_radius(&series, radius),
+            None => series.clone(),
+        },
+        series,
+        radius_mm,
         quantity,
         value: [a.0, b.0],
         relative: a.0 / b.0 - 1.0,
         z: in_u(a.0 - b.0, a.1.hypot(b.1)),
     }
+}
+
+fn at_radius(channel: &str, radius_mm: f64) -> String {
+    format!("{channel} at {radius_mm} mm")
 }
 
 enum Read {
@@ -150,13 +169,13 @@ fn profiles(first: &[RadialProfile], second: &[RadialProfile]) -> (Vec<Pair>, Ve
             continue;
         };
         for point in &profile.points {
-            let of = format!("{channel} at {} mm", point.radius_mm);
             match at(&other.points, point.radius_mm) {
                 Some(a) if point.reflectance_per_mm2 != 0.0 => {
                     let b = (point.reflectance_per_mm2, point.u_reflectance_per_mm2);
-                    pairs.push(pair(of, "reflectance_per_mm2", a, b));
+                    let radius = Some(point.radius_mm);
+                    pairs.push(pair(channel.clone(), radius, "reflectance_per_mm2", a, b));
                 }
-                _ => unmatched.push(of),
+                _ => unmatched.push(at_radius(channel, point.radius_mm)),
             }
         }
     }
@@ -179,6 +198,7 @@ fn tables(first: &[Material], second: &[Material]) -> (Vec<Pair>, Vec<String>) {
         if b.medium.sigma_a > 0.0 {
             pairs.push(pair(
                 name(row),
+                None,
                 "sigma_a_per_mm",
                 (a.medium.sigma_a, u(a.u_sigma_a_per_mm)),
                 (b.medium.sigma_a, u(b.u_sigma_a_per_mm)),
@@ -187,6 +207,7 @@ fn tables(first: &[Material], second: &[Material]) -> (Vec<Pair>, Vec<String>) {
         if b.medium.sigma_s_prime > 0.0 {
             pairs.push(pair(
                 name(row),
+                None,
                 "sigma_s_prime_per_mm",
                 (a.medium.sigma_s_prime, u(a.u_sigma_s_prime_per_mm)),
                 (b.medium.sigma_s_prime, u(b.u_sigma_s_prime_per_mm)),
