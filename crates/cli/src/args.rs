@@ -431,8 +431,10 @@ pub(crate) struct CompareArgs {
     /// Another of its kind; a picture of the same size and channels.
     #[arg(value_name = "B")]
     pub(crate) b: PathBuf,
-    /// Picture of A - B to write: red where A is brighter, blue where it is darker.
-    #[arg(short, long, value_name = "FILE.png")]
+    /// Of two pictures, NAME.png: A - B, red where A is brighter and blue where it is darker, with
+    /// NAME-flip.png (HDR-FLIP, of one or three channels) and NAME.svg (means in rings) beside
+    /// it. Of two profiles or tables, NAME.svg: a plot of both and of their difference.
+    #[arg(short, long, value_name = "NAME.png|NAME.svg")]
     pub(crate) output: Option<PathBuf>,
 }
 

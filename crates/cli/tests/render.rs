@@ -144,12 +144,14 @@ fn methods_are_held_against_each_other() {
         "monte-carlo.png",
         "brdf-lambert.png",
         "bssrdf-directional-difference.png",
+        "bssrdf-directional-flip.png",
     ] {
         assert!(
             page.contains(name) && path.join("v").join(name).exists(),
             "{name}"
         );
     }
+    assert!(page.contains("power out through") && page.contains("sample, +z"));
     // A picture is itself; another seed is another by its noise alone.
     let (code, out, error) = call(
         path,
@@ -191,7 +193,9 @@ fn methods_are_held_against_each_other() {
     let chi2 = other["channels"][0]["chi2_per_pixel"].as_f64().unwrap();
     // Of 192 pixels, with errors from 20 rounds.
     assert!((0.6..1.6).contains(&chi2), "{out}");
-    assert!(path.join("d.png").exists());
+    for file in ["d.png", "d.svg", "d-flip.png"] {
+        assert!(path.join(file).exists(), "{file}");
+    }
     for ring in other["rings"].as_array().unwrap() {
         assert!(ring["z"].as_f64().unwrap_or(0.0).abs() < 5.0, "{ring}");
     }
@@ -417,6 +421,18 @@ fn profiles_and_tables_are_compared() {
         out.contains("stone G") && out.contains("+25.00 %") && out.contains("+7.1"),
         "{out}"
     );
+    for (files, shown) in [
+        (["a.csv", "b.csv", "p.svg"], "Two profiles"),
+        (["s.csv", "t.csv", "q.svg"], "Two tables"),
+    ] {
+        let [a, b, plot] = files;
+        let (code, out, error) = call(path, &["compare", a, b, "-o", plot]);
+        assert!(code == Some(0) && out.contains(plot), "{error}");
+        let plot = fs::read_to_string(path.join(plot)).unwrap();
+        assert!(plot.contains(shown) && !plot.contains("NaN"), "{plot}");
+        let (code, _, error) = call(path, &["compare", a, b, "-o", "d.png"]);
+        assert!(code == Some(2) && error.contains(".svg"), "{error}");
+    }
     for (files, said) in [
         (["a.csv", "s.csv"], "one of each"),
         (["a.csv", "none.csv"], "none.csv"),

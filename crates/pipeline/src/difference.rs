@@ -1,11 +1,13 @@
 //! Two profiles or two material tables beside each other.
 
 use crate::error::{Blame, Error, Kind, Result};
-use crate::files::{open, read_text};
+use crate::files::{Outputs, open, read_text, split};
 use formats::{materials_csv, materials_json, profile_csv};
 use physics::{Material, ProfilePoint, RadialProfile};
+use report::{Chart, Line, Panel, Scale, Stroke, chart_svg};
 use serde::Serialize;
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// Two numbers that should be one.
 #[derive(Clone, Debug, Serialize)]
@@ -139,6 +141,114 @@ pub fn compare_files(a: &Path, b: &Path) -> Result<FileDifference> {
         pairs,
         unmatched,
     })
+}
+
+/// What is drawn of two: a place, and the value of each there.
+pub(crate) struct Series {
+    pub(crate) name: String,
+    pub(crate) points: Vec<(f64, [f64; 2])>,
+}
+
+/// Values of two and the difference of the first in percent over something, a column of two panels for
+/// each series.
+pub(crate) fn beside(title: &str, x: &str, y: &str, series: &[Series]) -> Chart {
+    let line = |name: &str, stroke, points: Vec<(f64, f64)>| Line {
+        name: name.to_owned(),
+        points,
+        stroke,
+    };
+    let upper = series.iter().map(|Series { name, points }| Panel {
+        title: name.clone(),
+        x: x.to_owned(),
+        y: y.to_owned(),
+        x_range: None,
+        scale: Scale::Logarithmic,
+        lines: vec![
+            line(
+                "A",
+                Stroke::Dots,
+                points.iter().map(|(x, [a, _])| (*x, *a)).collect(),
+            ),
+            line(
+                "B",
+                Stroke::Full,
+                points.iter().map(|(x, [_, b])| (*x, *b)).collect(),
+            ),
+        ],
+    });
+    let lower = series.iter().map(|Series { name, points }| {
+        let relative = points.iter().filter(|(_, [_, b])| *b != 0.0);
+        let relative = relative.map(|(x, [a, b])| (*x, 100.0 * (a / b - 1.0)));
+        Panel {
+            title: name.clone(),
+            x: x.to_owned(),
+            y: "A over B, less 1 (%)".to_owned(),
+            x_range: None,
+            scale: Scale::Linear,
+            lines: vec![line("A over B", Stroke::Full, relative.collect())],
+        }
+    });
+    Chart {
+        title: title.to_owned(),
+        columns: series.len(),
+        panels: upper.chain(lower).collect(),
+    }
+}
+
+impl FileDifference {
+    /// Profiles: both and their difference over the radius, by channel. Tables: the first over the
+    /// second, coefficient by coefficient, with a line where they agree.
+    pub fn chart(&self) -> Chart {
+        let mut names: Vec<&str> = vec![];
+        let key = |pair: &'_ Pair| match pair.radius_mm {
+            Some(_) => pair.series.clone(),
+            None => pair.quantity.to_owned(),
+        };
+        let keys: Vec<String> = self.pairs.iter().map(key).collect();
+        for key in &keys {
+            if !names.contains(&key.as_str()) {
+                names.push(key);
+            }
+        }
+        let of = |name: &&str| {
+            let all = self.pairs.iter().zip(&keys);
+            let mut points: Vec<(f64, [f64; 2])> = all
+                .filter(|(_, key)| key == name)
+                .map(|(pair, _)| (pair.radius_mm.unwrap_or(pair.value[1]), pair.value))
+                .collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            Series {
+                name: (*name).to_owned(),
+                points,
+            }
+        };
+        let series: Vec<Series> = names.iter().map(of).collect();
+        match self.kind {
+            "profiles" => beside("Two profiles", "radius (mm)", "reflectance (mm⁻²)", &series),
+            _ => beside("Two tables", "B (mm⁻¹)", "mm⁻¹", &series),
+        }
+    }
+
+    /// Writes [`Self::chart`] to `path`, an SVG.
+    ///
+    /// # Errors
+    ///
+    /// The file exists, or cannot be written; the name does not end in `.svg`.
+    pub fn draw(&self, path: &Path, inputs: &[PathBuf], force: bool) -> Result<()> {
+        let (folder, name) = split(path)?;
+        if name.extension().is_none_or(|e| e != "svg") {
+            let message = format!(
+                "{}: expected a name that ends in .svg, of a plot of two profiles or tables",
+                path.display()
+            );
+            return Err(Error::new(Kind::Usage, message));
+        }
+        let files = Outputs::new(&folder, [&name], inputs, force)?;
+        files.write(&name, |out| {
+            Ok(out.write_all(chart_svg(&self.chart()).as_bytes())?)
+        })?;
+        files.commit()
+    }
 }
 
 /// Value and uncertainty of a profile at a radius.

@@ -10,7 +10,7 @@ mod texture;
 mod validation;
 
 pub use difference::{
-    ChannelDifference, FaceDifference, PictureDifference, RingDifference, compare_pictures,
+    ChannelDifference, Drawn, FaceDifference, PictureDifference, RingDifference, compare_pictures,
     differences, read_pictures,
 };
 pub use flip::hdr_flip;

@@ -29,8 +29,13 @@ pub struct ValidationRow {
     pub picture: String,
     /// File of the difference to transport, and the radiance that has the full colour.
     pub difference: Option<(String, String)>,
+    /// File of HDR-FLIP against transport.
+    pub flip: Option<String>,
     /// Its numbers, one line each.
     pub lines: Vec<String>,
+    /// Powers through the faces of the solids: the head of a table and its rows; of methods that
+    /// follow light from its lamp.
+    pub faces: Vec<Vec<String>>,
 }
 
 /// The page: one HTML file without script; the pictures lie beside it.
@@ -39,10 +44,11 @@ pub fn validation_html(page: &ValidationPage) -> String {
     let mut out = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <title>{title}: methods of rendering</title>\n<style>\n{PAGE_STYLE}\
-         .pictures img {{ max-width: 48%; image-rendering: pixelated; }}\n</style>\n</head>\n<body>\n\
+         .pictures img {{ max-width: 32%; image-rendering: pixelated; }}\n</style>\n</head>\n<body>\n\
          <h1>{title}</h1>\n<p>Every picture shows radiance × {} through the sRGB curve. Beside it, \
          the difference to volume transport: red where the model is brighter, blue where it is \
-         darker, gray where they agree.</p>\n",
+         darker, gray where they agree; and HDR-FLIP, how different the two look, from 0 (black) to 1 \
+         (pale yellow).</p>\n",
         escaped(&page.exposure)
     );
     for row in &page.rows {
@@ -60,11 +66,29 @@ pub fn validation_html(page: &ValidationPage) -> String {
                 "<img src=\"{file}\" alt=\"{name} less transport\" title=\"full colour at {full}\">"
             );
         }
+        if let Some(file) = &row.flip {
+            let file = escaped(file);
+            let _ = writeln!(
+                out,
+                "<img src=\"{file}\" alt=\"HDR-FLIP of {name} against transport\">"
+            );
+        }
         let _ = writeln!(out, "</p>\n<ul>");
         for line in &row.lines {
             let _ = writeln!(out, "<li>{}</li>", sentence(line));
         }
         let _ = writeln!(out, "</ul>");
+        if let [head, rows @ ..] = row.faces.as_slice() {
+            let line = |cells: &[String], tag: &str| -> String {
+                let cell = |c: &String| format!("<{tag}>{}</{tag}>", sentence(c));
+                cells.iter().map(cell).collect()
+            };
+            let _ = writeln!(out, "<table>\n<tr>{}</tr>", line(head, "th"));
+            for row in rows {
+                let _ = writeln!(out, "<tr>{}</tr>", line(row, "td"));
+            }
+            let _ = writeln!(out, "</table>");
+        }
     }
     if !page.notes.is_empty() {
         let _ = writeln!(out, "<h2>Notes</h2>\n<ul>");
@@ -94,7 +118,9 @@ mod tests {
                 name: "bssrdf".into(),
                 picture: "\"x.png".into(),
                 difference: Some(("d.png".into(), "3".into())),
+                flip: Some("f.png".into()),
                 lines: vec!["1 & 2".into()],
+                faces: vec![vec!["face".into()], vec!["<top>".into()]],
             }],
             notes: vec!["<script>".into()],
             tool: "beamspot",
@@ -105,7 +131,7 @@ mod tests {
             "{html}"
         );
         assert!(
-            html.contains("1 &amp; 2") && !html.contains("<script"),
+            html.contains("1 &amp; 2") && !html.contains("<script") && html.contains("&lt;top"),
             "{html}"
         );
     }

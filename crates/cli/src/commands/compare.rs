@@ -2,9 +2,9 @@
 
 use super::print;
 use crate::args::{Common, CompareArgs};
+use pipeline::Result;
 use pipeline::difference::compare_files;
-use pipeline::rendering::{ChannelDifference, compare_pictures};
-use pipeline::{Error, Kind, Result};
+use pipeline::rendering::{ChannelDifference, Drawn, compare_pictures};
 use report::{significant, text_table};
 use std::io::Write;
 
@@ -12,13 +12,9 @@ use std::io::Write;
 pub(crate) fn run(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()> {
     let CompareArgs { a, b, output } = args;
     if a.extension().is_some_and(|e| e == "csv" || e == "json") {
-        if output.is_some() {
-            let message = "-o: only two pictures have a picture of their difference";
-            return Err(Error::new(Kind::Usage, message));
-        }
         return files(args, common, out);
     }
-    let (found, full) = compare_pictures(a, b, output.as_deref(), common.force)?;
+    let (found, drawn) = compare_pictures(a, b, output.as_deref(), common.force)?;
     if common.json {
         return print::json(out, &found);
     }
@@ -64,11 +60,13 @@ pub(crate) fn run(args: &CompareArgs, common: Common, out: &mut impl Write) -> R
         let head = ["face", "A, W", "B, W", "A over B", "sigma"];
         print::line(out, text_table(&head, &faces).trim_end())?;
     }
-    if let (Some(output), Some(full)) = (output, full) {
+    if let Some(Drawn { full, files }) = drawn {
         let full = significant(full, 3);
+        let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+        let names = names.join(", ");
         print::line(
             out,
-            format!("wrote {}: full red or blue at {full}", output.display()),
+            format!("wrote {names}: full red or blue of the first at {full}"),
         )?;
     }
     Ok(())
@@ -90,6 +88,9 @@ fn difference([x, y]: [f64; 2]) -> String {
 /// Two profiles or two tables.
 fn files(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()> {
     let found = compare_files(&args.a, &args.b)?;
+    if let Some(output) = &args.output {
+        found.draw(output, &[args.a.clone(), args.b.clone()], common.force)?;
+    }
     if common.json {
         return print::json(out, &found);
     }
@@ -120,6 +121,9 @@ fn files(args: &CompareArgs, common: Common, out: &mut impl Write) -> Result<()>
     if !found.unmatched.is_empty() {
         let what = found.unmatched.join(", ");
         print::line(out, format!("only in one: {what}"))?;
+    }
+    if let Some(output) = &args.output {
+        print::line(out, format!("wrote {}", output.display()))?;
     }
     Ok(())
 }

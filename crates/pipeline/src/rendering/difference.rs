@@ -1,14 +1,16 @@
 //! Two pictures beside each other.
 
-use super::flip::hdr_flip;
-use crate::difference::in_u;
+use super::flip::{flip_frame, hdr_flip};
+use crate::difference::{Series, beside, in_u};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, open, split};
 use crate::fit_json::SCHEMA_VERSION;
 use formats::{encode_png, read_radiance};
 use physics::{Frame, RadianceMap};
+use report::{Chart, chart_svg};
 use serde::Serialize;
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// Side of the blocks whose relative differences are ranked, pixels.
 const BLOCK: usize = 4;
@@ -258,10 +260,11 @@ pub fn differences(a: &RadianceMap, b: &RadianceMap) -> Vec<ChannelDifference> {
         .collect()
 }
 
-/// Mean of HDR-FLIP over the pixels.
-pub(super) fn mean_flip(test: &RadianceMap, reference: &RadianceMap) -> f64 {
+/// Mean of HDR-FLIP over the pixels, and its picture.
+pub(super) fn flip(test: &RadianceMap, reference: &RadianceMap) -> (f64, Frame) {
     let map = hdr_flip(test, reference);
-    map.iter().sum::<f64>() / map.len() as f64
+    let mean = map.iter().sum::<f64>() / map.len() as f64;
+    (mean, flip_frame(&map, reference.width))
 }
 
 /// First − second as a picture: gray where they agree, redder where the first is brighter and
@@ -292,26 +295,54 @@ pub(super) fn difference_frame(a: &RadianceMap, b: &RadianceMap) -> (Frame, f64)
     (frame, full)
 }
 
-/// Compares two pictures and, where `picture` is given, draws their difference; returns with it
-/// the difference that has the full colour.
+/// Means over the rings of two pictures, and the difference, by channel.
+fn rings_chart(found: &PictureDifference) -> Chart {
+    let in_mm = found.rings.iter().all(|ring| ring.radius_mm.is_some());
+    let x = if in_mm { "radius (mm)" } else { "radius (px)" };
+    let of_channel = |channel: &ChannelDifference| {
+        let rings = found.rings.iter().filter(|r| r.channel == channel.channel);
+        let rings = rings.map(|ring| {
+            let [low, high] = ring.radius_mm.unwrap_or(ring.radius_px);
+            (0.5 * (low + high), ring.mean)
+        });
+        Series {
+            name: channel.channel.clone(),
+            points: rings.collect(),
+        }
+    };
+    let series: Vec<Series> = found.channels.iter().map(of_channel).collect();
+    beside("Two pictures, in rings", x, "mean radiance", &series)
+}
+
+/// What a comparison of pictures has drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    /// The difference that has the full colour in the picture.
+    pub full: f64,
+    /// The files: the difference, the rings and, where there is one, HDR-FLIP.
+    pub files: Vec<PathBuf>,
+}
+
+/// Compares two pictures and, where `picture` is given, draws their difference there, and beside it
+/// the rings as `NAME.svg` and HDR-FLIP as `NAME-flip.png`.
 ///
 /// # Errors
 ///
-/// As [`read_pictures`]; the picture exists, or cannot be written.
+/// As [`read_pictures`]; a file exists, or cannot be written; the name does not end in `.png`.
 pub fn compare_pictures(
     a: &Path,
     b: &Path,
     picture: Option<&Path>,
     force: bool,
-) -> Result<(PictureDifference, Option<f64>)> {
+) -> Result<(PictureDifference, Option<Drawn>)> {
     let ([first, second], mm_per_pixel) = read_pictures(a, b)?;
     let center_px = center(&second);
     let shown = matches!(first.channels.len(), 1 | 3);
-    let flip = shown.then(|| mean_flip(&first, &second));
+    let flip = shown.then(|| flip(&first, &second));
     let found = PictureDifference {
         schema_version: SCHEMA_VERSION,
         channels: differences(&first, &second),
-        flip,
+        flip: flip.as_ref().map(|(mean, _)| *mean),
         center_px,
         rings: rings(&first, &second, center_px, mm_per_pixel),
         faces: faces(a, b),
@@ -320,66 +351,30 @@ pub fn compare_pictures(
         return Ok((found, None));
     };
     let (folder, name) = split(picture)?;
+    if name.extension().is_none_or(|e| e != "png") {
+        let message = format!("{}: expected a name that ends in .png", picture.display());
+        return Err(Error::new(Kind::Usage, message));
+    }
+    let flip = flip.map(|(_, frame)| {
+        let stem = name.file_stem().unwrap_or_default().to_string_lossy();
+        (PathBuf::from(format!("{stem}-flip.png")), frame)
+    });
+    let plot = name.with_extension("svg");
+    let names: Vec<PathBuf> = [name.clone(), plot.clone()]
+        .into_iter()
+        .chain(flip.as_ref().map(|(name, _)| name.clone()))
+        .collect();
     let inputs = [a.to_owned(), b.to_owned()];
-    let files = Outputs::new(&folder, [&name], &inputs, force)?;
+    let files = Outputs::new(&folder, &names, &inputs, force)?;
     let (frame, full) = difference_frame(&first, &second);
     files.write(&name, |out| Ok(encode_png(&frame, out)?))?;
+    files.write(&plot, |out| {
+        Ok(out.write_all(chart_svg(&rings_chart(&found)).as_bytes())?)
+    })?;
+    if let Some((name, frame)) = &flip {
+        files.write(name, |out| Ok(encode_png(frame, out)?))?;
+    }
     files.commit()?;
-    Ok((found, Some(full)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use physics::ChannelMap;
-
-    fn map(value: impl Fn(usize) -> f32) -> RadianceMap {
-        RadianceMap {
-            width: 8,
-            height: 8,
-            channels: vec![ChannelMap {
-                name: "Y".into(),
-                value: (0..64).map(value).collect(),
-                variance: vec![0.01; 64],
-            }],
-            mosaic: None,
-        }
-    }
-
-    /// Rings about the light: what is brighter in one of them alone is found there.
-    #[test]
-    fn rings_are_about_the_light() {
-        let spot = |i: usize| if i == 8 * 3 + 5 { 1.0 } else { 0.0 };
-        let b = map(spot);
-        assert_eq!(center(&b), [5.5, 3.5]);
-        let a = map(|i| spot(i) + if i == 8 * 5 + 7 { 0.5 } else { 0.0 });
-        let found = rings(&a, &b, [5.5, 3.5], Some(0.1));
-        let off: Vec<_> = found.iter().filter(|r| r.mean[0] != r.mean[1]).collect();
-        let [ring] = off[..] else { panic!("{found:?}") };
-        // √(2² + 2²) pixels away, which is no last ring.
-        assert!(ring.radius_px[0] <= 8.0_f64.sqrt() && 8.0_f64.sqrt() <= ring.radius_px[1]);
-        let pixels = 0.5 / (ring.mean[0] - ring.mean[1]);
-        let z = 0.5 / (pixels * 0.02).sqrt();
-        assert!((ring.z.unwrap() / z - 1.0).abs() < 1e-3, "{ring:?}");
-        assert!((ring.radius_mm.unwrap()[1] - 0.1 * ring.radius_px[1]).abs() < 1e-12);
-    }
-
-    #[test]
-    fn differences_are_what_they_say() {
-        let a = map(|_| 2.2);
-        let b = map(|i| if i % 2 == 0 { 1.8 } else { 2.2 });
-        let found = &differences(&a, &b)[0];
-        // Half of the pixels are off by 0.4: √0.08, over a mean of 2; noise of 0.02 each.
-        assert!((found.rmse - 0.08_f64.sqrt()).abs() < 1e-6, "{found:?}");
-        assert!((found.relative_rmse - 0.08_f64.sqrt() / 2.0).abs() < 1e-6);
-        assert!((found.relative_beyond_noise - 0.06_f64.sqrt() / 2.0).abs() < 1e-6);
-        assert!((found.chi2_per_pixel.unwrap() - 4.0).abs() < 1e-5);
-        assert!((found.median_relative_by_block.unwrap() - 0.1).abs() < 1e-6);
-        let (frame, full) = difference_frame(&a, &b);
-        assert!((full - 0.4).abs() < 1e-6);
-        // Redder where the first is brighter, gray where they agree.
-        let samples = frame.samples.to_f32();
-        assert_eq!(samples[..3], [65535.0, 0.0, 0.0]);
-        assert_eq!(samples[3..6], [32768.0; 3]);
-    }
+    let files = names.iter().map(|name| folder.join(name)).collect();
+    Ok((found, Some(Drawn { full, files })))
 }

@@ -6,7 +6,7 @@
 //! Andersson et al. (2021), *Visualizing Errors in Rendered High Dynamic Range Images*, for all: the largest
 //! over exposures from the brightest pixel of the reference to its median.
 
-use physics::RadianceMap;
+use physics::{Frame, RadianceMap};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -295,6 +295,34 @@ pub fn hdr_flip(test: &RadianceMap, reference: &RadianceMap) -> Vec<f64> {
         .collect()
 }
 
+/// FLIP of every pixel as a picture: from 0, black, through purple and red to 1, pale yellow, even in
+/// lightness.
+pub(super) fn flip_frame(flip: &[f64], width: usize) -> Frame {
+    const COLORS: [[f64; 3]; 5] = [
+        [0.0, 0.0, 0.02],
+        [0.31, 0.07, 0.49],
+        [0.72, 0.21, 0.47],
+        [0.99, 0.53, 0.38],
+        [0.99, 0.99, 0.75],
+    ];
+    let color = |value: &f64| {
+        let place = value.clamp(0.0, 1.0) * (COLORS.len() - 1) as f64;
+        let low = (place as usize).min(COLORS.len() - 2);
+        let part = place - low as f64;
+        [0, 1, 2].map(|k| {
+            let shown = COLORS[low][k] + part * (COLORS[low + 1][k] - COLORS[low][k]);
+            (shown * f64::from(u16::MAX)).round() as u16
+        })
+    };
+    let samples: Vec<u16> = flip.iter().flat_map(color).collect();
+    Frame {
+        width,
+        height: flip.len() / width,
+        channels: 3,
+        samples: samples.into(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -356,6 +384,23 @@ mod tests {
             assert!((found - expected).abs() < 1e-5, "{x}, {y}: {found}");
         }
         assert!(hdr_flip(&reference, &reference).iter().all(|f| *f == 0.0));
+    }
+
+    /// The more different, the lighter.
+    #[test]
+    fn the_colours_of_a_picture_of_it_rise() {
+        let frame = flip_frame(&[0.0, 0.2, 0.4, 0.6, 0.8, 1.0], 3);
+        assert_eq!((frame.width, frame.height), (3, 2));
+        let light: Vec<f32> = frame
+            .samples
+            .to_f32()
+            .chunks(3)
+            .map(|c| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2])
+            .collect();
+        assert!(
+            light.is_sorted() && light[0] < 1e3 && light[5] > 6e4,
+            "{light:?}"
+        );
     }
 
     /// A black background has no exposure: the spot alone has.

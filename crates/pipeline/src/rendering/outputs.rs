@@ -349,6 +349,37 @@ pub(super) fn developed(
     (frame, exposure)
 }
 
+/// A power of the ledger, W.
+fn power(ledger: &Ledger, picture: &Picture, channel: usize, entry: Entry) -> Number {
+    let found = picture.powers.estimate(ledger.index(channel, entry));
+    Number {
+        value: found.value,
+        u: found.u,
+    }
+}
+
+/// Powers through every face of every solid, channel by channel, where light was followed from its
+/// lamp.
+pub(super) fn faces(loaded: &Loaded, picture: &Picture) -> Vec<FaceLine> {
+    let scene = &loaded.scene;
+    let ledger = Ledger::new(scene, loaded.rings.as_ref());
+    let mut faces = vec![];
+    let counted = !picture.powers.is_empty();
+    for (channel, name) in scene.channels.iter().enumerate().filter(|_| counted) {
+        for (object, o) in scene.objects.iter().enumerate() {
+            for (face, face_name) in o.shape.face_names().iter().enumerate() {
+                faces.push(FaceLine {
+                    object: o.name.clone(),
+                    face: face_name,
+                    channel: name.clone(),
+                    power: power(&ledger, picture, channel, Entry::Face { object, face }),
+                });
+            }
+        }
+    }
+    faces
+}
+
 fn outcome(
     loaded: &Loaded,
     options: &RenderOptions,
@@ -359,27 +390,11 @@ fn outcome(
     let scene = &loaded.scene;
     let ledger = Ledger::new(scene, loaded.rings.as_ref());
     let counted = !picture.powers.is_empty();
-    let number = |channel: usize, entry: Entry| {
-        let found = picture.powers.estimate(ledger.index(channel, entry));
-        Number {
-            value: found.value,
-            u: found.u,
-        }
-    };
-    let mut faces = vec![];
+    let number = |channel: usize, entry: Entry| power(&ledger, picture, channel, entry);
+    let faces = faces(loaded, picture);
     let mut rings = vec![];
     let (mut specular, mut lost) = (vec![], vec![]);
     for (channel, name) in scene.channels.iter().enumerate().filter(|_| counted) {
-        for (object, o) in scene.objects.iter().enumerate() {
-            for (face, face_name) in o.shape.face_names().iter().enumerate() {
-                faces.push(FaceLine {
-                    object: o.name.clone(),
-                    face: face_name,
-                    channel: name.clone(),
-                    power: number(channel, Entry::Face { object, face }),
-                });
-            }
-        }
         let edges = loaded.rings.as_ref().map_or(&[][..], |r| &r.edges_mm);
         for (k, ends) in edges.windows(2).enumerate() {
             let area = PI * (ends[1] * ends[1] - ends[0] * ends[0]);

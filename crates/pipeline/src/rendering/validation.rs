@@ -1,7 +1,7 @@
 //! All methods on one scene: pictures, and how far the models are from transport.
 
-use super::difference::{ChannelDifference, difference_frame, differences, mean_flip};
-use super::outputs::{developed, map, planes, radiance_file};
+use super::difference::{ChannelDifference, difference_frame, differences, flip};
+use super::outputs::{FaceLine, developed, faces, map, planes, radiance_file};
 use super::{BssrdfModel, Loaded, MethodChoice, RenderOptions, render};
 use crate::error::{Error, Kind, Result};
 use crate::files::Outputs;
@@ -10,7 +10,7 @@ use formats::{encode_png, write_radiance};
 use physics::RadianceMap;
 use render::bssrdf::Sampling;
 use render::{Gather, Kind as BrdfKind};
-use report::{ValidationPage, ValidationRow, significant, validation_html};
+use report::{ValidationPage, ValidationRow, significant, uncertain, validation_html};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -25,6 +25,8 @@ pub struct MethodLine {
     pub relative_error: f64,
     /// Against `monte-carlo`, by channel; none where that cannot render the scene.
     pub differences: Vec<ChannelDifference>,
+    /// Powers through faces, where light was followed from its lamp.
+    pub faces: Vec<FaceLine>,
     /// Mean of HDR-FLIP against `monte-carlo`, of pictures of one or three channels.
     pub flip: Option<f64>,
     /// Seconds on the clock; in no file.
@@ -63,6 +65,25 @@ fn methods(layered: bool) -> Vec<(String, MethodChoice)> {
     all
 }
 
+/// Head and rows of the powers through faces, a column for each channel.
+fn face_table(loaded: &Loaded, faces: &[FaceLine]) -> Vec<Vec<String>> {
+    let channels = &loaded.scene.channels;
+    let of_channel = |k: usize| faces.iter().filter(move |f| f.channel == channels[k]);
+    let rows = of_channel(0).enumerate().map(|(row, face)| {
+        let powers = (0..channels.len()).filter_map(|k| of_channel(k).nth(row));
+        let powers = powers.map(|f| uncertain(f.power.value, f.power.u));
+        let name = format!("{}, {}", face.object, face.face);
+        std::iter::once(name).chain(powers).collect()
+    });
+    let head = channels.iter().map(|channel| format!("{channel}, W"));
+    let head = std::iter::once("power out through".to_owned()).chain(head);
+    let mut table: Vec<Vec<String>> = rows.collect();
+    if !table.is_empty() {
+        table.insert(0, head.collect());
+    }
+    table
+}
+
 /// Renders a scene by every method into `folder`, with one page beside the pictures.
 ///
 /// # Errors
@@ -77,7 +98,7 @@ pub fn validate(
     monitor: &dyn Monitor,
 ) -> Result<Validation> {
     let all = methods(loaded.layers.iter().all(|layers| !layers.is_empty()));
-    let endings = ["", "-difference"];
+    let endings = ["", "-difference", "-flip"];
     let pictures = all.iter().flat_map(|(name, _)| {
         let pngs = endings.map(|ending| format!("{name}{ending}.png"));
         pngs.into_iter().chain([format!("{name}.exr")])
@@ -121,6 +142,7 @@ pub fn validate(
             method: name.clone(),
             relative_error: picture.radiance.relative_error(),
             differences: vec![],
+            faces: faces(loaded, &picture),
             flip: None,
             seconds,
         };
@@ -128,6 +150,8 @@ pub fn validate(
             name: name.clone(),
             picture: format!("{name}.png"),
             difference: None,
+            flip: None,
+            faces: face_table(loaded, &line.faces),
             lines: vec![format!(
                 "noise {} %",
                 significant(100.0 * line.relative_error, 3)
@@ -137,9 +161,12 @@ pub fn validate(
             Some(truth) => {
                 line.differences = differences(&picture_map, truth);
                 if matches!(truth.channels.len(), 1 | 3) {
-                    let flip = mean_flip(&picture_map, truth);
-                    row.lines.push(format!("HDR-FLIP {}", significant(flip, 3)));
-                    line.flip = Some(flip);
+                    let (mean, frame) = flip(&picture_map, truth);
+                    row.lines.push(format!("HDR-FLIP {}", significant(mean, 3)));
+                    line.flip = Some(mean);
+                    let shown = format!("{name}-flip.png");
+                    files.write(&shown, |out| Ok(encode_png(&frame, out)?))?;
+                    row.flip = Some(shown);
                 }
                 for d in &line.differences {
                     row.lines.push(format!(
