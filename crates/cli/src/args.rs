@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use pipeline::export::Target;
+use pipeline::measure::Choices;
 use pipeline::rendering::{BssrdfModel, MethodChoice, RenderOptions};
 use pipeline::{Error, Kind};
 use render::bssrdf::Sampling;
@@ -12,9 +13,15 @@ use std::path::PathBuf;
 /// photographs of a beam spot.
 ///
 /// Lengths are mm, coefficients mm^-1. Exit code 0 done, 1 a fault of ours, 2 wrong usage,
-/// 3 the input cannot be used, 4 a bad verdict with --strict, 130 interrupted.
+/// 3 the input cannot be used, 4 a bad verdict with --strict, 5 part of a batch failed,
+/// 130 interrupted.
 #[derive(Debug, Parser)]
-#[command(name = "beamspot", version, propagate_version = true)]
+#[command(
+    name = "beamspot",
+    version,
+    propagate_version = true,
+    after_help = "Example:\n  beamspot demo\n  beamspot measure capture/capture.toml -o result"
+)]
 pub(crate) struct Cli {
     #[command(flatten)]
     pub(crate) common: Common,
@@ -34,6 +41,9 @@ pub(crate) struct Common {
     /// Worker threads; every processor by default. Results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
+    /// Whether a person looks at standard output.
+    #[arg(skip)]
+    pub(crate) on_screen: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -46,6 +56,8 @@ pub(crate) enum Command {
     Init(InitArgs),
     /// The main job: frames to materials.
     Measure(MeasureArgs),
+    /// Many captures: goes on after a failure or a kill, and collects one table and one page.
+    Batch(BatchArgs),
     /// Merges the frames of a capture into one radiance map.
     Hdr(HdrArgs),
     /// Radial profile and total of a capture or a radiance map.
@@ -69,8 +81,38 @@ pub(crate) enum Command {
     /// The papers' figures, computed.
     Figures(FiguresArgs),
     /// Material tables.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Example:\n  beamspot table show result/materials.csv"
+    )]
     Table(TableCommand),
+    /// Version, features, the instructions that are taken, and whether all of it works here.
+    #[command(after_help = "Examples:\n  beamspot doctor\n  beamspot doctor --json")]
+    Doctor,
+    /// Prints the script that lets a shell complete commands and flags.
+    Completions(CompletionsArgs),
+    /// Writes the pages of the manual, one for each command.
+    Man(ManArgs),
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  beamspot completions bash > ~/.local/share/bash-completion/completions/beamspot\n  beamspot completions zsh > ~/.zfunc/_beamspot\n  beamspot completions fish > ~/.config/fish/completions/beamspot.fish"
+)]
+pub(crate) struct CompletionsArgs {
+    /// Which shell.
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  beamspot man -o ~/.local/share/man/man1\n  man beamspot-measure"
+)]
+pub(crate) struct ManArgs {
+    /// Folder to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
 }
 
 #[derive(Args, Debug)]
@@ -204,10 +246,52 @@ pub(crate) struct MeasureArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
+    pub(crate) choice: MeasureChoice,
+}
+
+/// How to measure.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct MeasureChoice {
+    #[command(flatten)]
     pub(crate) fit: FitChoice,
     /// Leave out the Monte Carlo simulation of what was found.
     #[arg(long)]
     pub(crate) no_confirm: bool,
+}
+
+impl MeasureChoice {
+    /// What was typed, checked.
+    pub(crate) fn choices(&self) -> pipeline::Result<Choices> {
+        Ok(Choices {
+            model: self.fit.model(),
+            discrepancy: self.fit.discrepancy,
+            constraint: self.fit.constraint.into(),
+            free_scale: self.fit.free_scale()?,
+            range_mm: self.fit.range,
+            compare: self.fit.compares(),
+            bootstrap: self.fit.bootstrap,
+            confirm: !self.no_confirm,
+        })
+    }
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  beamspot batch 'series/*/capture.toml' -o results\n  beamspot batch series.txt -o results --resume\n\nseries.txt has a manifest or a pattern on each line, relative to its own folder; # begins a remark.\nExit code 5: some were not measured; status.csv says which and why, and the rest is there."
+)]
+pub(crate) struct BatchArgs {
+    /// Manifests, patterns of them, or lists of either: files with one on each line.
+    #[arg(required = true, value_name = "LIST|GLOB")]
+    pub(crate) captures: Vec<PathBuf>,
+    /// Folder to write: a folder for each capture below captures/, and one table and page of all.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Go on with what a batch into the same folder left undone: a capture whose manifest, files
+    /// and settings are what they were, to the byte, is not measured again.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) choice: MeasureChoice,
 }
 
 #[derive(Args, Debug)]
@@ -775,6 +859,50 @@ mod tests {
     #[test]
     fn the_grammar_is_sound() {
         Cli::command().debug_assert();
+    }
+
+    /// The commands that `command` and those below it show as examples, with what shows each.
+    fn examples(command: &clap::Command, found: &mut Vec<(String, String)>) {
+        let name = command.get_display_name().unwrap_or(command.get_name());
+        let help = command.get_after_help().map(ToString::to_string);
+        let help = help.unwrap_or_default();
+        let (_, shown) = help
+            .split_once("Example")
+            .unwrap_or_else(|| panic!("the help of {name} has no example"));
+        let lines = shown.lines().skip(1);
+        let lines = lines
+            .take_while(|line| line.starts_with("  "))
+            .map(str::trim);
+        let before = found.len();
+        found.extend(
+            lines
+                .filter(|line| line.starts_with("beamspot "))
+                .map(|line| (name.to_owned(), line.to_owned())),
+        );
+        // Others may stand beside it.
+        let own = name.replace('-', " ");
+        let shown = found[before..]
+            .iter()
+            .any(|(_, line)| line.starts_with(&own));
+        assert!(shown, "the help of {name} does not show itself");
+        for below in command.get_subcommands() {
+            examples(below, found);
+        }
+    }
+
+    #[test]
+    fn the_help_of_every_command_ends_with_examples_that_can_be_typed() {
+        let mut command = Cli::command().disable_help_subcommand(true);
+        command.build();
+        let mut found = vec![];
+        examples(&command, &mut found);
+        assert!(found.len() > 25, "{found:?}");
+        for (name, line) in found {
+            let words = line.split_whitespace().map(|word| word.trim_matches('\''));
+            let words: Vec<&str> = words.take_while(|word| *word != ">").collect();
+            let read = Cli::try_parse_from(&words);
+            assert!(read.is_ok(), "{name}: {line}: {}", read.unwrap_err());
+        }
     }
 
     #[test]

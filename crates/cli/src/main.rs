@@ -7,7 +7,7 @@ mod progress;
 use args::{Cli, Command};
 use clap::Parser;
 use pipeline::{Kind, Result};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -22,6 +22,7 @@ fn main() -> ExitCode {
                 Kind::Usage => 2,
                 Kind::Input => 3,
                 Kind::Quality => 4,
+                Kind::Partial => 5,
                 Kind::Interrupted => 130,
             })
         }
@@ -29,7 +30,10 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<()> {
-    let common = cli.common;
+    let common = args::Common {
+        on_screen: std::io::stdout().is_terminal(),
+        ..cli.common
+    };
     if let Some(threads) = common.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(usize::from(threads))
@@ -43,6 +47,7 @@ fn run(cli: Cli) -> Result<()> {
         Command::Synth(args) => commands::synth::run(&args, common, &monitor, &mut out),
         Command::Init(args) => commands::init::run(&args, common, &mut out),
         Command::Measure(args) => commands::measure::run(&args, common, &monitor, &mut out),
+        Command::Batch(args) => commands::batch::run(&args, common, &monitor, &mut out),
         Command::Hdr(args) => commands::hdr::run(&args, common, &monitor, &mut out),
         Command::Profile(args) => commands::profile::run(&args, common, &monitor, &mut out),
         Command::Beam(args) => commands::beam::run(&args, common, &monitor, &mut out),
@@ -55,6 +60,9 @@ fn run(cli: Cli) -> Result<()> {
         Command::Sphere(args) => commands::sphere::run(&args, common, &monitor, &mut out),
         Command::Figures(args) => commands::figures::run(&args, common, &monitor, &mut out),
         Command::Table(command) => commands::table::run(&command, common, &mut out),
+        Command::Doctor => commands::doctor::run(common, &mut out),
+        Command::Completions(args) => commands::shell::completions(&args, common, &mut out),
+        Command::Man(args) => commands::shell::man(&args, common, &mut out),
     };
     monitor.finish();
     result

@@ -20,6 +20,7 @@
 //! | [`beam_csv`] | `beam.csv`: a measured beam |
 //! | [`materials_csv`], [`materials_json`] | material tables |
 //! | [`export`], [`pbrt`], [`mitsuba`] | materials as renderers and photon simulators read them |
+//! | [`status_csv`] | `status.csv`: what became of each capture of a batch |
 //! | [`layers_csv`] | `layers.csv`: constituents of layered media |
 //! | [`toml_text`] | any TOML into any struct, with errors that name the nearest known key |
 
@@ -43,6 +44,7 @@ pub mod profile_csv;
 pub mod sample_toml;
 pub mod scene_toml;
 pub mod sphere_csv;
+pub mod status_csv;
 pub mod toml_text;
 pub mod totals_csv;
 

@@ -2,7 +2,7 @@
 
 use crate::consistency::Consistency;
 use crate::error::{Blame, Error, Kind, Result};
-use crate::monitor::Monitor;
+use crate::monitor::{Monitor, Quiet};
 use crate::reading::read_frame_of;
 use crate::response::{self, Curves};
 use crate::{exposures, files};
@@ -168,17 +168,6 @@ fn moves_back(comparison: &Comparison) -> Vec<[i32; 2]> {
             _ => [0; 2],
         })
         .collect()
-}
-
-/// Passes interruptions on and says nothing of its progress.
-struct Quiet<'a>(&'a dyn Monitor);
-
-impl Monitor for Quiet<'_> {
-    fn begin(&self, _: &str, _: u64) {}
-    fn step(&self) {}
-    fn stopped(&self) -> bool {
-        self.0.stopped()
-    }
 }
 
 /// Reads the manifest `path`.

@@ -1,6 +1,7 @@
 //! What went wrong, and whose it is to mend.
 
 use std::fmt;
+use std::io::ErrorKind;
 
 /// Whose trouble it is. The command line turns it into an exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +12,8 @@ pub enum Kind {
     Input,
     /// Measured and written, but the numbers are not to be trusted, and the call was strict.
     Quality,
+    /// Some of a batch could not be measured; the rest is written.
+    Partial,
     /// The user stopped it.
     Interrupted,
     /// A fault of ours, or of the machine.
@@ -49,6 +52,18 @@ impl Error {
     /// The error of another crate below it, where it is one of this type.
     pub fn cause<E: std::error::Error + Send + Sync + 'static>(&self) -> Option<&E> {
         self.source.downcast_ref()
+    }
+
+    /// Whether the machine has no room left for what is to be written.
+    pub fn no_room(&self) -> bool {
+        let full = |cause: &std::io::Error| {
+            matches!(
+                cause.kind(),
+                ErrorKind::StorageFull | ErrorKind::QuotaExceeded
+            )
+        };
+        let mut causes = self.source.chain();
+        causes.any(|cause| cause.downcast_ref::<std::io::Error>().is_some_and(full))
     }
 
     /// The same error, said to have happened in `context`.

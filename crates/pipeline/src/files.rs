@@ -203,6 +203,19 @@ impl Outputs {
     }
 }
 
+/// `text` as the name of a file or a folder, wherever it comes from.
+pub fn safe_name(text: &str) -> String {
+    let safe = |(place, c): (usize, char)| {
+        // One that begins with a dot is hidden, or leads elsewhere.
+        if c.is_alphanumeric() || "-_".contains(c) || (c == '.' && place > 0) {
+            c
+        } else {
+            '_'
+        }
+    };
+    text.chars().enumerate().map(safe).collect()
+}
+
 /// The folder and the name of one output file.
 ///
 /// # Errors

@@ -8,7 +8,7 @@ use crate::confirm::Confirmation;
 use crate::stray::{Veil, VeilDocument};
 use crate::verdict::Verdict;
 use fit::{Constraint, Contribution, Estimate, Fit, Termination};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Version of the layout of every JSON document that beamspot writes.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -333,5 +333,68 @@ impl FitDocument {
     /// None that a finite number could cause; serde's are passed on.
     pub fn to_json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+}
+
+/// What a table of many captures shows of a `fit.json`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct FitSummary {
+    /// Name of the material.
+    pub material: Option<String>,
+    /// The channels.
+    pub channels: Vec<ChannelSummary>,
+}
+
+/// One channel of a [`FitSummary`].
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ChannelSummary {
+    /// Its name.
+    pub channel: String,
+    /// σₐ, mm⁻¹.
+    pub sigma_a_per_mm: NumberSummary,
+    /// σₛ′, mm⁻¹.
+    pub sigma_s_prime_per_mm: NumberSummary,
+    /// σₐ that it does not exceed, mm⁻¹, where it could not be told from 0.
+    pub upper_limit: Option<f64>,
+    /// χ² per degree of freedom, where it is finite.
+    pub reduced_chi2: Option<f64>,
+    /// What speaks against it.
+    pub verdict: Option<VerdictSummary>,
+}
+
+/// A value and its standard uncertainty.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct NumberSummary {
+    /// The value.
+    pub value: f64,
+    /// Its standard uncertainty, where it is finite.
+    pub u: Option<f64>,
+}
+
+/// What a [`Verdict`] comes down to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct VerdictSummary {
+    /// Whether nothing speaks against the numbers.
+    pub good: bool,
+    /// What does, one sentence each.
+    pub bad: Vec<String>,
+}
+
+impl FitSummary {
+    /// Of the text of a `fit.json`.
+    ///
+    /// # Errors
+    ///
+    /// It is not one.
+    pub fn read(text: &[u8]) -> serde_json::Result<Self> {
+        serde_json::from_slice(text)
+    }
+
+    /// The first thing that speaks against each channel, if anything does.
+    pub fn bad(&self) -> impl Iterator<Item = String> {
+        self.channels.iter().filter_map(|c| {
+            let first = c.verdict.as_ref()?.bad.first()?;
+            Some(format!("channel {}: {first}", c.channel))
+        })
     }
 }

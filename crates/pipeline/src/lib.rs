@@ -20,6 +20,7 @@
 //! | [`confirm`] | a fit against counted photons |
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
+//! | [`batch`] | many captures, and what became of each |
 //! | [`simulation`] | Monte Carlo simulations as files |
 //! | [`tallies`] | the tallies of a simulation as tables |
 //! | [`spot`] | centre and width of a beam |
@@ -33,6 +34,7 @@
 //! | [`figures`] | the papers' figures |
 //! | [`library`] | the tables that ship with beamspot |
 
+pub mod batch;
 pub mod beam;
 pub mod bootstrap;
 pub mod brdf;

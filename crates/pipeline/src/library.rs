@@ -163,6 +163,22 @@ impl Default for ModelChoice {
     }
 }
 
+/// Whether there is a model of this name.
+///
+/// # Errors
+///
+/// A name that is not there is answered with those that are.
+pub fn named(name: &str) -> Result<()> {
+    if MODELS.contains(&name) {
+        return Ok(());
+    }
+    let message = format!(
+        "no model is called `{name}`; there are {}, and all",
+        MODELS.join(", ")
+    );
+    Err(Error::new(Kind::Usage, message))
+}
+
 /// The model of `choice` at relative index `eta`.
 ///
 /// # Errors
@@ -178,13 +194,7 @@ pub fn model(choice: &ModelChoice, eta: f64) -> Result<Box<dyn ForwardModel>> {
     }
     .validated()
     .input("eta")?;
-    if !MODELS.contains(&name) {
-        let message = format!(
-            "no model is called `{name}`; there are {}, and all",
-            MODELS.join(", ")
-        );
-        return Err(Error::new(Kind::Usage, message));
-    }
+    named(name)?;
     if let Some(g) = choice.g.filter(|_| !choice.uses_g()) {
         let message = format!("model {name} does not use g, got {g}: leave it out");
         return Err(Error::new(Kind::Usage, message));

@@ -38,3 +38,14 @@ impl Monitor for Silent {
         false
     }
 }
+
+/// Passes interruptions on and says nothing of its progress.
+pub(crate) struct Quiet<'a>(pub(crate) &'a dyn Monitor);
+
+impl Monitor for Quiet<'_> {
+    fn begin(&self, _: &str, _: u64) {}
+    fn step(&self) {}
+    fn stopped(&self) -> bool {
+        self.0.stopped()
+    }
+}

@@ -25,7 +25,7 @@ fn raised(error: &Error) -> PyErr {
     match error.kind() {
         Kind::Usage | Kind::Input => PyValueError::new_err(text),
         Kind::Interrupted => PyKeyboardInterrupt::new_err(text),
-        Kind::Quality | Kind::Fault => PyRuntimeError::new_err(text),
+        Kind::Quality | Kind::Partial | Kind::Fault => PyRuntimeError::new_err(text),
     }
 }
 

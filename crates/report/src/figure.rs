@@ -6,6 +6,7 @@ use crate::axis::Axis;
 use crate::channel::{ChannelReport, CurvePoint};
 use crate::markup::{escaped, svg};
 use crate::number::{exact, fixed, significant};
+use fit::Fit;
 use physics::ProfilePoint;
 use std::fmt::Write;
 
@@ -125,7 +126,9 @@ impl<'a> Plot<'a> {
             .filter(|p| !anything || clear(p))
             .flat_map(|p| [p.reflectance_per_mm2, 0.5 * p.reflectance_per_mm2]);
         let reflectance = Axis::logarithmic(values, (PROFILE.1, PROFILE.0));
-        let largest = residuals(channel).map(|(_, z)| z.abs()).fold(0.0, f64::max);
+        let largest = residuals(channel.fit)
+            .map(|(_, z)| z.abs())
+            .fold(0.0, f64::max);
         let residual = Axis::symmetric(
             (1.1 * largest).max(LEAST_RESIDUAL_SPAN),
             (RESIDUALS.1, RESIDUALS.0),
@@ -429,7 +432,7 @@ impl<'a> Plot<'a> {
             }
         }
         let _ = writeln!(out, "{levels}<g class=\"{}\">", self.channel.color_class());
-        for (radius, z) in residuals(self.channel) {
+        for (radius, z) in residuals(self.channel.fit) {
             if let Some((x, y)) = self.radius.place(radius).zip(self.residual.place(z)) {
                 let _ = writeln!(
                     out,
@@ -443,10 +446,8 @@ impl<'a> Plot<'a> {
 }
 
 /// Radius, mm, and (measured − model)/u of every fitted point that has one.
-fn residuals(channel: &ChannelReport) -> impl Iterator<Item = (f64, f64)> {
-    channel
-        .fit
-        .residuals
+pub(crate) fn residuals(fit: &Fit) -> impl Iterator<Item = (f64, f64)> {
+    fit.residuals
         .iter()
         .map(|r| {
             (

@@ -13,23 +13,29 @@
 //! | `markup` | text from outside made safe; symbols raised and lowered |
 //! | `chart` | [`chart_svg`]: lines in panels |
 //! | `figure` | [`figure_svg`]: profile, fit and residuals |
+//! | `preview` | [`preview_text`]: profile and fit on a terminal |
 //! | `page` | [`Report`] and [`report_html`] |
+//! | `batch` | [`batch_html`]: many measurements, and what became of each |
 //! | `validation` | [`validation_html`]: a scene under several methods |
 
 mod axis;
+mod batch;
 mod channel;
 mod chart;
 mod figure;
 mod markup;
 mod number;
 mod page;
+mod preview;
 mod table;
 mod validation;
 
+pub use batch::{BatchChannel, BatchPage, BatchRow, batch_html};
 pub use channel::{ChannelReport, CurvePoint, ModelReport};
 pub use chart::{Chart, Line, Panel, Scale, Stroke, chart_svg};
 pub use figure::figure_svg;
 pub use number::{at_least, at_most, significant, uncertain};
 pub use page::{Input, Report, report_html};
+pub use preview::preview_text;
 pub use table::text_table;
 pub use validation::{ValidationPage, ValidationRow, validation_html};

@@ -5,7 +5,7 @@ mod synthetic;
 
 use fit::{Constraint, Contribution, Estimate, Fit, Residual, Termination, Warning};
 use physics::{Coefficients, ProfilePoint, RadialProfile};
-use report::{ChannelReport, CurvePoint, Input, Report, figure_svg, report_html};
+use report::{ChannelReport, CurvePoint, Input, Report, figure_svg, preview_text, report_html};
 use roxmltree::{Document, Node, ParsingOptions};
 
 const MARBLE_GREEN: Coefficients = Coefficients {
@@ -424,4 +424,50 @@ fn an_upper_limit_is_marked() {
         .descendants()
         .filter(|n| n.tag_name().name() == "td");
     assert_eq!(bounded.filter(|n| text_of(*n).starts_with("> ")).count(), 2);
+}
+
+#[test]
+fn a_terminal_of_80_columns_shows_data_model_and_residuals() {
+    let made = ["R", "G", "B"].map(|name| synthetic::channel(name, MARBLE_GREEN, 1.5, 1).unwrap());
+    let profiles = made.each_ref().map(|channel| channel.profile.clone());
+    let fits = made.each_ref().map(|channel| channel.fit.clone());
+    let text = preview_text(&fits, &profiles);
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    let first = text.lines().next().unwrap();
+    for name in ["R: R_d [mm^-2]", "G: R_d", "B: R_d"] {
+        assert!(first.contains(name), "{text}");
+    }
+    let braille = |c: char| ('\u{2801}'..='\u{28ff}').contains(&c);
+    assert!(text.contains('o') && text.contains(braille), "{text}");
+    assert!(text.contains("10⁻³") && text.contains(" mm"), "{text}");
+
+    // One channel alone is larger. A model that is far too bright has every residual at the bottom,
+    // and its line a decade above the data.
+    let strip = |text: &str| -> Vec<char> {
+        let line = text.lines().rev().nth(1).unwrap();
+        line.chars().skip(5).filter(|c| *c != ' ').collect()
+    };
+    let alone = preview_text(&fits[..1], &profiles[..1]);
+    let middle = strip(&alone)
+        .iter()
+        .filter(|c| ('▃'..='▆').contains(*c))
+        .count();
+    assert!(2 * middle > strip(&alone).len(), "{alone}");
+    let mut bright = fits[0].clone();
+    for residual in &mut bright.residuals {
+        residual.model_per_mm2 *= 10.0;
+    }
+    let off = preview_text(&[bright], &profiles[..1]);
+    assert!(
+        strip(&off).iter().all(|c| *c == '▁') && !strip(&off).is_empty(),
+        "{off}"
+    );
+    let top = |text: &str, what: &dyn Fn(char) -> bool| {
+        text.lines().skip(1).position(|line| line.chars().any(what))
+    };
+    let (line, data) = (top(&off, &braille), top(&off, &|c| c == 'o'));
+    assert!(line.is_some() && line < data, "{off}");
 }

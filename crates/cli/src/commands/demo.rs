@@ -83,7 +83,7 @@ pub(crate) fn run(
         out,
         format!("photographed (synthetically): {}", manifest.display()),
     )?;
-    summary(out, &measurement, &folder)?;
+    summary(out, &measurement, &folder, common)?;
     print::line(out, "\nrecovered against true, mm^-1:")?;
     let header = [
         "channel",

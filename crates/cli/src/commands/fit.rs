@@ -200,6 +200,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
     print::comparison(out, &compared)?;
     print::verdicts(out, &fits, &verdicts)?;
     print::bootstraps(out, &fits, &bootstraps)?;
+    print::preview(out, &fits, &profiles, common)?;
     print::strict(args.fit.strict, &print::bad_verdicts(&fits, &verdicts))
 }
 

@@ -3,9 +3,9 @@
 use super::print;
 use crate::args::{Common, MeasureArgs};
 use physics::Material;
-use pipeline::files::Outputs;
+use pipeline::files::{self, Outputs};
 use pipeline::fit_json::{FitDocument, SCHEMA_VERSION};
-use pipeline::measure::{self, Choices, Measurement};
+use pipeline::measure::{self, Measurement};
 use pipeline::{Monitor, Result, capture, outputs};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -25,16 +25,7 @@ pub(crate) fn run(
     monitor: &dyn Monitor,
     out: &mut impl Write,
 ) -> Result<()> {
-    let choices = Choices {
-        model: args.fit.model(),
-        discrepancy: args.fit.discrepancy,
-        constraint: args.fit.constraint.into(),
-        free_scale: args.fit.free_scale()?,
-        range_mm: args.fit.range,
-        compare: args.fit.compares(),
-        bootstrap: args.fit.bootstrap,
-        confirm: !args.no_confirm,
-    };
+    let choices = args.choice.choices()?;
     let loaded = args
         .captures
         .iter()
@@ -49,11 +40,11 @@ pub(crate) fn run(
         .then(|| Outputs::new(&args.output, ["materials.csv"], &[], common.force))
         .transpose()?;
     for (loaded, folder) in loaded.iter().zip(&folders) {
-        let files = outputs::open(loaded, folder, common.force)?;
+        let opened = outputs::open(loaded, folder, common.force)?;
         let measurement = measure::measure(loaded, &choices, monitor)?;
-        outputs::write(files, loaded, &measurement)?;
+        outputs::write(opened, loaded, &measurement)?;
         if !common.json {
-            summary(out, &measurement, folder)?;
+            summary(out, &measurement, folder, common)?;
         }
         verdicts.extend(print::bad_verdicts(
             &measurement.fits,
@@ -70,7 +61,7 @@ pub(crate) fn run(
         collected.commit()?;
     }
     if !common.json {
-        return print::strict(args.fit.strict, &verdicts);
+        return print::strict(args.choice.fit.strict, &verdicts);
     }
     match documents.pop() {
         Some(only) if documents.is_empty() => print::json(out, &only)?,
@@ -85,7 +76,7 @@ pub(crate) fn run(
             )?;
         }
     }
-    print::strict(args.fit.strict, &verdicts)
+    print::strict(args.choice.fit.strict, &verdicts)
 }
 
 /// One capture goes into the folder itself, several into one each, called by their material.
@@ -97,14 +88,7 @@ fn folders(args: &MeasureArgs, loaded: &[capture::Loaded]) -> Vec<PathBuf> {
     loaded
         .iter()
         .map(|l| {
-            let safe = |c: char| {
-                if c.is_alphanumeric() || "-_.".contains(c) {
-                    c
-                } else {
-                    '_'
-                }
-            };
-            let name: String = l.capture.material.chars().map(safe).collect();
+            let name = files::safe_name(&l.capture.material);
             let count = used.entry(name.to_lowercase()).or_default();
             *count += 1;
             args.output.join(if *count > 1 {
@@ -121,6 +105,7 @@ pub(crate) fn summary(
     out: &mut impl Write,
     measurement: &Measurement,
     folder: &Path,
+    common: Common,
 ) -> Result<()> {
     let given = measurement.common();
     let constraint = pipeline::fit_json::constraint_name(given.constraint);
@@ -145,6 +130,7 @@ pub(crate) fn summary(
     for assumption in &measurement.assumptions {
         print::line(out, format!("note: {assumption}"))?;
     }
+    print::preview(out, &measurement.fits, &measurement.profiles(), common)?;
     print::line(
         out,
         format!("wrote {}", folder.join("report.html").display()),

@@ -1,16 +1,17 @@
 //! What several commands print.
 
 use fit::{Constraint, Fit, Termination};
+use physics::RadialProfile;
 use pipeline::bootstrap::Bootstrap;
 use pipeline::comparison::Compared;
 use pipeline::library::ModelChoice;
 use pipeline::verdict::Verdict;
 use pipeline::{Error, Kind, Result};
-use report::{at_most, significant, text_table, uncertain};
+use report::{at_most, preview_text, significant, text_table, uncertain};
 use serde::Serialize;
 use std::io::Write;
 
-use crate::args::{ConstraintArg, FitChoice};
+use crate::args::{Common, ConstraintArg, FitChoice};
 
 impl From<ConstraintArg> for Constraint {
     fn from(arg: ConstraintArg) -> Self {
@@ -219,6 +220,20 @@ pub(crate) fn bootstraps(
         )?;
     }
     Ok(())
+}
+
+/// Profile and fit of every channel, for a person at a terminal; for a file or another program
+/// nothing.
+pub(crate) fn preview(
+    out: &mut impl Write,
+    fits: &[Fit],
+    profiles: &[RadialProfile],
+    common: Common,
+) -> Result<()> {
+    if !common.on_screen {
+        return Ok(());
+    }
+    line(out, preview_text(fits, profiles).trim_end())
 }
 
 /// The first thing that speaks against each channel, if anything does.
