@@ -289,6 +289,9 @@ pub struct Sample<F = Vec<FrameEntry>> {
     /// x and y on the surface. All where empty.
     #[serde(default)]
     pub sectors_deg: Vec<[f64; 2]>,
+    /// The rendering that the frames are photographs of, an EXR of their size with its variance:
+    /// its noise is in all of them.
+    pub rendering: Option<String>,
     /// Frames with the beam on.
     pub frames: F,
     /// Frames with the beam blocked, at least one at each exposure of `frames`.

@@ -210,7 +210,9 @@ impl Loaded {
             .into_iter()
             .flatten()
             .map(|entry| self.folder.join(&entry.file));
-        let masks = [&sample.mask, &reference.mask].into_iter().flatten();
+        let masks = [&sample.mask, &sample.rendering, &reference.mask]
+            .into_iter()
+            .flatten();
         frames
             .chain(masks.map(|mask| self.folder.join(mask)))
             .chain([self.input.path.clone()])

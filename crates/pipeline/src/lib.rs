@@ -62,6 +62,7 @@ pub mod monitor;
 pub mod outputs;
 mod reading;
 mod regions;
+mod rendered_noise;
 pub mod rendering;
 pub mod response;
 pub mod sensing;

@@ -180,6 +180,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     }
     let mut sample = loaded.merge(Subject::Sample, &sensor, &mut workspace, monitor)?;
     drop(workspace);
+    loaded.add_noise_of_rendering(&mut sample)?;
     loaded.leave_out(Subject::Sample, &mut sample)?;
     let count = sample.map.names().len();
     if count != whites.len() {

@@ -4,12 +4,17 @@ use crate::error::{Blame, Error, Kind, Result};
 use crate::files::Outputs;
 use crate::library::{self, ModelChoice};
 use crate::monitor::Monitor;
+use formats::RadianceFile;
 use formats::capture as manifest;
-use physics::{Coefficients, ForwardModel, Medium};
+use physics::{ChannelMap, Coefficients, ForwardModel, Medium, RadianceMap};
 use render::camera::Lens;
 use render::{
-    HalfSpace, Lamp, Material, Method, MonteCarlo, Object, Options, Scene, Shape, Spot, Vec3, View,
+    Film, HalfSpace, Lamp, Material, Method, MonteCarlo, Object, Options, Scene, Shape, Spot, Vec3,
+    View,
 };
+use std::borrow::Cow;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -143,8 +148,8 @@ pub fn write(
 /// Writes the capture of `sample` by `camera` into `folder`: frames as 16-bit TIFF,
 /// `capture.toml` and `truth.json`.
 ///
-/// A rendered picture has noise of its photons that the frames do not know of; a fit to them states
-/// too small a u.
+/// A rendered picture has noise of its photons in all frames alike: it stands beside them as
+/// `sample/rendering.exr`, whose variance `measure` adds to theirs.
 ///
 /// # Errors
 ///
@@ -177,8 +182,14 @@ pub fn photograph(
         }
     }
     let made = camera.clone();
+    let rendered = RefCell::new(vec![]);
     let picture = |wanted: &Wanted| match *light {
-        Light::Rendered { g, photons } => spot(&made, wanted, g, photons, seed, monitor),
+        Light::Rendered { g, photons } => {
+            let channel = spot(&made, wanted, g, photons, seed, monitor);
+            let value = channel.value.clone();
+            rendered.borrow_mut().push(channel);
+            value
+        }
         Light::Model(_) => vec![],
     };
     let pictures: Option<PictureOf> = match light {
@@ -192,7 +203,8 @@ pub fn photograph(
     let names = shots
         .iter()
         .map(file_name)
-        .chain(["capture.toml".into(), "truth.json".into()]);
+        .chain(["capture.toml".into(), "truth.json".into()])
+        .chain(pictures.map(|_| RENDERING.to_owned()));
     let outputs = Outputs::new(folder, names, &[], force)?;
     monitor.begin("exposing", shots.len() as u64);
     for shot in &shots {
@@ -203,7 +215,19 @@ pub fn photograph(
         })?;
         monitor.step();
     }
-    let manifest = manifest_of(sample, &capture, &shots, model);
+    let mut manifest = manifest_of(sample, &capture, &shots, model);
+    if pictures.is_some() {
+        let map = as_seen(capture.camera(), rendered.take());
+        let file = RadianceFile {
+            map: Cow::Owned(map),
+            mm_per_pixel: Some(capture.camera().mm_per_pixel),
+            view_mm: None,
+            scale: vec![],
+            provenance: BTreeMap::new(),
+        };
+        outputs.write(RENDERING, |out| Ok(formats::write_radiance(&file, out)?))?;
+        manifest.sample.rendering = Some(RENDERING.to_owned());
+    }
     outputs.write("capture.toml", |out| {
         Ok(out.write_all(manifest.to_toml().as_bytes())?)
     })?;
@@ -215,9 +239,43 @@ pub fn photograph(
     Ok(folder.join("capture.toml"))
 }
 
+/// The rendering beside the frames of the sample.
+const RENDERING: &str = "sample/rendering.exr";
+
+/// Pictures of all channels as the frames have them: one, of the photosites' own colours, where the
+/// camera has a mosaic.
+fn as_seen(camera: &Camera, channels: Vec<ChannelMap>) -> RadianceMap {
+    let (width, height) = (camera.width, camera.height);
+    let channels = match camera.mosaic {
+        None => channels,
+        Some(mosaic) => {
+            let of = |list: fn(&ChannelMap) -> &Vec<f32>| {
+                let pixels = 0..width * height;
+                let own = |i: usize| &channels[mosaic.colour(i % width, i / width)];
+                pixels.map(|i| list(own(i))[i]).collect()
+            };
+            vec![ChannelMap {
+                name: "Y".to_owned(),
+                value: of(|c| &c.value),
+                variance: of(|c| &c.variance),
+            }]
+        }
+    };
+    RadianceMap {
+        width,
+        height,
+        channels,
+        mosaic: None,
+    }
+}
+
 /// A rendered picture of a half-space under the beam, π times the radiance per incident power.
 ///
-/// It is the sum of rounds; an interrupt ends it early, which the caller has to look for.
+/// Pixels share photons, and so do rings of them: together they are less certain than they would be,
+/// were they independent. Their variance is therefore such that the mean over a wide ring, as a
+/// coefficient is found from, has the scatter that it has from round to round.
+///
+/// An interrupt ends it early, which the caller has to look for.
 fn spot(
     camera: &Camera,
     wanted: &Wanted,
@@ -225,7 +283,7 @@ fn spot(
     photons: u64,
     seed: u64,
     monitor: &dyn Monitor,
-) -> Vec<f32> {
+) -> ChannelMap {
     let side = wanted.mm_per_pixel;
     let (width, height) = (camera.width, camera.height);
     // Right is +x and down the picture -y, seen along -z with +y up.
@@ -281,7 +339,7 @@ fn spot(
         }],
         camera: render::Camera::new(view, lens).expect("a camera that was checked"),
     };
-    const ROUNDS: u64 = 16;
+    const ROUNDS: u64 = 64;
     let options = Options {
         seed: seed.wrapping_add(wanted.channel as u64),
         photons: photons.div_ceil(ROUNDS),
@@ -290,8 +348,23 @@ fn spot(
     };
     let method = MonteCarlo::new(&scene, options).expect("a beam on a half-space");
     let mut picture = method.empty();
+    let rings = Rings::new(width, height, wanted.spot_px);
+    let mut of_rings = Film::new(rings.pixels.len());
+    let mut before = vec![0.0; rings.pixels.len()];
     monitor.begin("rendering", ROUNDS);
-    method.run(0..ROUNDS, &mut picture, &mut |_| {
+    method.run(0..ROUNDS, &mut picture, &mut |picture| {
+        let (_, sums) = picture.radiance.state();
+        let mut now = vec![0.0; before.len()];
+        for (ring, [sum, _]) in rings.of_pixel.iter().zip(sums) {
+            now[*ring] += sum;
+        }
+        let round: Vec<f64> = now
+            .iter()
+            .zip(&before)
+            .map(|(now, old)| now - old)
+            .collect();
+        of_rings.add(&round);
+        before = now;
         monitor.step();
         if monitor.stopped() {
             ControlFlow::Break(())
@@ -299,9 +372,48 @@ fn spot(
             ControlFlow::Continue(())
         }
     });
-    (0..width * height)
-        .map(|pixel| (PI * picture.radiance.estimate(pixel).value) as f32)
-        .collect()
+    let pixels = 0..width * height;
+    let value = |pixel: usize| (PI * picture.radiance.estimate(pixel).value) as f32;
+    // Of the sum over a ring u², of each of its independent pixels a share of it.
+    let variance = |pixel: usize| {
+        let ring = rings.of_pixel[pixel];
+        let u = PI * of_rings.estimate(ring).u;
+        (u * u / rings.pixels[ring]) as f32
+    };
+    ChannelMap {
+        name: wanted.channel.to_string(),
+        value: pixels.clone().map(value).collect(),
+        variance: pixels.map(variance).collect(),
+    }
+}
+
+/// Wide rings about a spot.
+struct Rings {
+    /// Which each pixel is in.
+    of_pixel: Vec<usize>,
+    /// How many pixels each has.
+    pixels: Vec<f64>,
+}
+
+impl Rings {
+    fn new(width: usize, height: usize, [column, row]: [f64; 2]) -> Self {
+        // Of the radius, and the least, px.
+        const WIDTH: f64 = 0.4;
+        const LEAST: f64 = 1.5;
+        let turn = LEAST / WIDTH;
+        let of = |i: usize| {
+            let (x, y) = ((i % width) as f64 - column, (i / width) as f64 - row);
+            let r = x.hypot(y);
+            (r.min(turn) / LEAST + (r.max(turn) / turn).ln() / WIDTH) as usize
+        };
+        let of_pixel: Vec<usize> = (0..width * height).map(of).collect();
+        let last = of_pixel.iter().copied().max().unwrap_or(0);
+        let mut pixels = vec![0.0; last + 1];
+        for ring in &of_pixel {
+            pixels[*ring] += 1.0;
+        }
+        Self { of_pixel, pixels }
+    }
 }
 
 /// The sample as the camera sees it: a mono camera sees the green of an RGB sample.
@@ -399,6 +511,7 @@ fn manifest_of(
             mask: None,
             leave_out: vec![],
             sectors_deg: vec![],
+            rendering: None,
             eta_below: None,
             frames: entries(Role::Sample),
             dark: entries(Role::SampleDark),

@@ -426,6 +426,7 @@ impl Capture<Frames> {
                 mask: sample.mask,
                 leave_out: sample.leave_out,
                 sectors_deg: sample.sectors_deg,
+                rendering: sample.rendering,
                 eta_below: sample.eta_below,
                 frames: find("sample.frames", sample.frames)?,
                 dark: find("sample.dark", sample.dark)?,

@@ -99,6 +99,9 @@ impl Capture {
             text.line("sectors_deg", format!("{:?}", sample.sectors_deg));
         }
         text.optional("eta_below", sample.eta_below);
+        if let Some(rendering) = &sample.rendering {
+            text.line("rendering", quoted(rendering));
+        }
         text.frames("frames", &sample.frames);
         text.frames("dark", &sample.dark);
 
