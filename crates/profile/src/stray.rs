@@ -1,7 +1,10 @@
 //! Stray light: what lens and housing spread evenly over the picture.
 
+use gauss_quad::GaussHermite;
 use nalgebra::{Matrix3, Vector3};
 use physics::{DiffuseFresnel, Dipole, ProfilePoint, RadialProfile, ReducedMedium};
+use std::f64::consts::{PI, SQRT_2};
+use std::num::NonZeroUsize;
 
 /// Radii at half of the peak, and share of the picture's radius, beyond which the spot itself is
 /// out of sight and the white's glow has its far form.
@@ -11,15 +14,8 @@ const OUTER: f64 = 1.0 / 3.0;
 /// Passes in which the width of the beam that the glow shows settles.
 const PASSES: usize = 4;
 
-/// Places, in standard deviations, and weights that a Gaussian is along an axis: the rule of Hermite,
-/// exact to the ninth power.
-const GAUSSIAN: [(f64, f64); 5] = [
-    (0.0, 8.0 / 15.0),
-    (1.355_626_179_974_266, 0.222_075_922_005_612_6),
-    (-1.355_626_179_974_266, 0.222_075_922_005_612_6),
-    (2.856_970_013_872_806, 0.011_257_411_327_720_7),
-    (-2.856_970_013_872_806, 0.011_257_411_327_720_7),
-];
+/// Nodes of the rule for a Gaussian along an axis: exact to the ninth power.
+const NODES: NonZeroUsize = NonZeroUsize::new(5).expect("five is not zero");
 
 /// Fewest rings in which an offset can be told from a glow.
 const LEAST: usize = 8;
@@ -65,33 +61,53 @@ pub fn stray_light(
 ) -> Option<Stray> {
     let dipole = medium.map(|m| Dipole::new(m, DiffuseFresnel::Exact));
     let bound = bounded(&white.points, dipole.as_ref(), mean);
-    let found = measured(&white.points, dipole.as_ref(), mean);
+    let found = measured(&white.points, &Glow::of(dipole.as_ref()), mean);
     match (found, bound) {
         (Some(found), Some(bound)) if found.u > bound.u => Some(bound),
         (found, bound) => found.or(bound),
     }
 }
 
-/// The form of the glow at `radius`, of a Gaussian beam of this variance along an axis, mm².
-fn glow(dipole: Option<&Dipole>, radius: f64, variance: f64) -> f64 {
-    let of_point =
-        |radius: f64| dipole.map_or_else(|| radius.powi(-3), |d| d.diffuse_reflectance(radius));
-    if variance == 0.0 {
-        return of_point(radius);
+/// The form of a glow.
+struct Glow<'a> {
+    /// That of a point, where the medium is known.
+    dipole: Option<&'a Dipole>,
+    /// Places, in standard deviations, and weights that a Gaussian is along an axis.
+    gaussian: Vec<(f64, f64)>,
+}
+
+impl<'a> Glow<'a> {
+    fn of(dipole: Option<&'a Dipole>) -> Self {
+        let rule = GaussHermite::new(NODES);
+        let pairs = rule.as_node_weight_pairs().iter();
+        let gaussian = pairs.map(|(x, w)| (SQRT_2 * x, w / PI.sqrt())).collect();
+        Self { dipole, gaussian }
     }
-    let deviation = variance.sqrt();
-    let across = |(x, weight): (f64, f64)| {
-        let along = GAUSSIAN.iter().map(move |(y, other)| {
-            let from = (radius + deviation * x).hypot(deviation * y);
-            weight * other * of_point(from)
-        });
-        along.sum::<f64>()
-    };
-    GAUSSIAN.into_iter().map(across).sum()
+
+    /// It at `radius`, of a Gaussian beam of this variance along an axis, mm².
+    fn at(&self, radius: f64, variance: f64) -> f64 {
+        let of_point = |radius: f64| {
+            let far = || radius.powi(-3);
+            self.dipole
+                .map_or_else(far, |d| d.diffuse_reflectance(radius))
+        };
+        if variance == 0.0 {
+            return of_point(radius);
+        }
+        let deviation = variance.sqrt();
+        let across = |(x, weight): &(f64, f64)| {
+            let along = self.gaussian.iter().map(|(y, other)| {
+                let from = (radius + deviation * x).hypot(deviation * y);
+                weight * other * of_point(from)
+            });
+            along.sum::<f64>()
+        };
+        self.gaussian.iter().map(across).sum()
+    }
 }
 
 /// The offset and the glow, as wide as the beam makes it, by weighted least squares.
-fn measured(points: &[ProfilePoint], dipole: Option<&Dipole>, mean: f64) -> Option<Stray> {
+fn measured(points: &[ProfilePoint], glow: &Glow, mean: f64) -> Option<Stray> {
     let peak = points.first()?.reflectance_per_mm2;
     let spot = points.iter().find(|p| p.reflectance_per_mm2 < 0.5 * peak)?;
     let (_, last) = points.last()?.ring_mm?;
@@ -104,13 +120,13 @@ fn measured(points: &[ProfilePoint], dipole: Option<&Dipole>, mean: f64) -> Opti
         return None;
     }
     let mut variance = 0.0;
-    let mut pass = far_field(&far, dipole, start, variance)?;
+    let mut pass = far_field(&far, glow, start, variance)?;
     for _ in 1..PASSES {
         // A beam adds 9/2 of its variance over r², and no light is nearer than that of a point.
         let wider = 2.0 / 9.0 * start * start * pass.found[1] / pass.found[0];
         let most = (start / SPOTS).powi(2);
         variance = f64::clamp(variance + wider, 0.0, most);
-        pass = far_field(&far, dipole, start, variance)?;
+        pass = far_field(&far, glow, start, variance)?;
     }
     let FarField {
         found,
@@ -138,15 +154,10 @@ struct FarField {
     chi2: f64,
 }
 
-fn far_field(
-    far: &[&ProfilePoint],
-    dipole: Option<&Dipole>,
-    start: f64,
-    variance: f64,
-) -> Option<FarField> {
-    let unit = glow(dipole, start, variance);
+fn far_field(far: &[&ProfilePoint], glow: &Glow, start: f64, variance: f64) -> Option<FarField> {
+    let unit = glow.at(start, variance);
     let terms = |p: &ProfilePoint| {
-        let near = glow(dipole, p.radius_mm, variance) / unit;
+        let near = glow.at(p.radius_mm, variance) / unit;
         let ratio = start / p.radius_mm;
         Vector3::new(near, near * ratio * ratio, 1.0)
     };
