@@ -5,6 +5,7 @@
 
 mod camera_raw;
 mod file_name;
+mod part;
 pub(crate) mod tags;
 
 pub use file_name::{NamedExposure, exposure_in_name};

@@ -120,6 +120,13 @@ impl Room {
         };
         *room = memory;
     }
+
+    /// Keeps the memory of one frame: where files are packed, their bytes had one of their own.
+    fn keep_one(&mut self) {
+        if self.samples.capacity() > 0 {
+            self.file = vec![];
+        }
+    }
 }
 
 /// Memory for the frames and their darks, and for the sums of a merge.
@@ -468,6 +475,9 @@ impl Loaded {
             frame_room.take_back(frame);
             monitor.step();
         }
+        // Next the sum gets its variance, for which there has to be room.
+        frame_room.keep_one();
+        *dark_room = Room::default();
         Ok((inputs, seen))
     }
 

@@ -32,14 +32,13 @@ pub(crate) fn find(
     };
     let mut sources: BTreeMap<_, usize> = BTreeMap::new();
     let mut entries = Vec::with_capacity(written.len());
-    let mut bytes = vec![];
     for (file, stated) in written {
         let exposure_s = match stated {
             Some(exposure_s) => exposure_s,
             None => {
                 let path = folder.join(&file);
-                files::read_again(&path, &mut bytes)?;
-                let metadata = Metadata::read(&bytes);
+                let mut source = files::open(&path)?.into_inner();
+                let metadata = Metadata::of_file(&mut source).input(path.display())?;
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let found = metadata.exposure(&name, fits_unit).input(path.display())?;
                 let found = found.ok_or_else(|| {

@@ -16,18 +16,6 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).input(path.display())
 }
 
-/// The same into `bytes`, whose memory is used again.
-///
-/// # Errors
-///
-/// The error names the file.
-pub(crate) fn read_again(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
-    bytes.clear();
-    let mut file = File::open(path).input(path.display())?;
-    file.read_to_end(bytes).input(path.display())?;
-    Ok(())
-}
-
 /// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
 /// the kernel copies four times as fast into it as into memory.
 const PIECE: usize = 1 << 17;

@@ -1,6 +1,7 @@
 //! The directories of TIFF, BigTIFF and EXIF: a walk over two of them that copies no pixels.
 
 use super::{Metadata, Source, Stated, TimeUnit, camera};
+use std::ops::Range;
 
 const IMAGE_DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
@@ -12,6 +13,19 @@ const ISO: u16 = 34855;
 const SHUTTER_SPEED: u16 = 37377;
 const SERIAL_NUMBER: u16 = 42033;
 const MICRO_MANAGER: u16 = 51123;
+
+/// The tags that metadata come from.
+const LOOKED_AT: [u16; 9] = [
+    IMAGE_DESCRIPTION,
+    MAKE,
+    MODEL,
+    EXPOSURE_TIME,
+    EXIF,
+    ISO,
+    SHUTTER_SPEED,
+    SERIAL_NUMBER,
+    MICRO_MANAGER,
+];
 
 /// What the first directory of a TIFF and its EXIF directory say.
 pub(super) fn read(bytes: &[u8]) -> Metadata {
@@ -66,6 +80,35 @@ pub(super) fn read(bytes: &[u8]) -> Metadata {
             file.text(exif.get(SERIAL_NUMBER)),
         ]),
     }
+}
+
+/// Places of a file, from the first byte to the one behind the last.
+pub(super) type Stretch = Range<u64>;
+
+/// The longest value that is anything but a picture: a text.
+const LONGEST: u64 = 1 << 24;
+/// More than the tags of a directory take.
+const DIRECTORY: u64 = 1 << 16;
+
+/// What [`read`] looks at in a file of which only these stretches need be there; more of them once
+/// those are.
+pub(super) fn stretches(bytes: &[u8]) -> Vec<Stretch> {
+    let length = bytes.len() as u64;
+    let Some(file) = File::open(bytes) else {
+        return vec![];
+    };
+    let first = file.directory(file.first);
+    let exif = first.get(EXIF).and_then(|tag| file.whole(tag));
+    let mut found = vec![];
+    for at in [Some(file.first), exif].into_iter().flatten() {
+        found.push(at..at.saturating_add(DIRECTORY));
+        let tags = file.directory(at).0.into_iter();
+        let values = tags.filter(|tag| LOOKED_AT.contains(&tag.number));
+        let values = values.filter_map(|tag| file.elsewhere(tag));
+        found.extend(values.filter(|values| values.end - values.start <= LONGEST));
+    }
+    let inside = found.into_iter().map(|s| s.start..s.end.min(length));
+    inside.filter(|s| s.start < s.end).collect()
 }
 
 /// Where the values of some tag reach to, if that is beyond the end of the file: the decoder would
@@ -215,22 +258,22 @@ impl<'a> File<'a> {
     /// Where the values of the directory at `offset` reach to.
     fn reach(&self, offset: u64) -> u64 {
         let directory = self.directory(offset);
-        let reach = directory.0.iter().map(|tag| {
-            let width = match tag.kind {
-                3 | 8 => 2,
-                4 | 9 | 11 | 13 => 4,
-                5 | 10 | 12 | 16..=18 => 8,
-                _ => 1,
-            };
-            let length = tag.count.saturating_mul(width);
-            let inside = length <= tag.field.len() as u64;
-            if inside {
-                0
-            } else {
-                self.unsigned(tag.field).saturating_add(length)
-            }
-        });
-        reach.max().unwrap_or(0)
+        let reach = directory.0.iter().map(|tag| self.elsewhere(*tag));
+        reach.flatten().map(|values| values.end).max().unwrap_or(0)
+    }
+
+    /// Where the values of a tag are that does not hold them itself.
+    fn elsewhere(&self, tag: Tag<'a>) -> Option<Range<u64>> {
+        let width = match tag.kind {
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16..=18 => 8,
+            _ => 1,
+        };
+        let length = tag.count.saturating_mul(width);
+        let inside = length <= tag.field.len() as u64;
+        let start = self.unsigned(tag.field);
+        (!inside).then(|| start..start.saturating_add(length))
     }
 
     /// Where the directory behind the one at `offset` stands.
