@@ -197,10 +197,41 @@ def test_bad_input_is_named():
         beamspot.measure("nowhere/capture.toml")
     with refused("medium", "sigma"):
         beamspot.simulate({"layer": [{"sigma_s": 1.0, "eta": 1.5}]})
-    with refused("could not convert"):
+    with refused("radius_mm: expected real numbers"):
         beamspot.dipole(["one"], **MARBLE)
     with refused("u:", "shape"):
         beamspot.fit_many(RADII, values[None], np.ones((2, 200)), eta=1.5, constraint="none")
+    # What NumPy would quietly drop: a mask, an imaginary part, a dimension.
+    masked = np.ma.masked_less(values, np.median(values))
+    with refused("reflectance_per_mm2: 100 numbers are masked"):
+        beamspot.fit(RADII, masked, u, eta=1.5)
+    with refused("reflectance_per_mm2: expected real numbers", "complex128"):
+        beamspot.fit(RADII, values + 1j, u, eta=1.5)
+    with refused(r"radius_mm: expected an array of shape \(n,\), got \(20, 10\)"):
+        beamspot.fit(RADII.reshape(20, 10), values, u, eta=1.5)
+    with refused(r"reflectance_per_mm2: expected an array of shape \(n, m\), got \(200,\)"):
+        beamspot.fit_many(RADII, values, u, eta=1.5, constraint="none")
+    with refused(r"u: expected an array of shape \(n,\), got \(\)"):
+        beamspot.fit(RADII, values, 0.01, eta=1.5)
+    with refused("u_scale", "-0.1"):
+        beamspot.fit(RADII, values, u, eta=1.5, u_scale=-0.1)
+
+
+def test_a_profile_in_another_unit_is_told():
+    values, u = profile(4)
+    total = ENTRY * beamspot.total_reflectance(**MARBLE)
+    known = {"eta": 1.5, "total": total, "u_total": 1e-3, "u_scale": 5e-3}
+    for change in [(RADII / 10, values, u), (RADII, values / 10, u / 10)]:
+        assert any("looks like a unit" in w for w in beamspot.fit(*change, **known).warnings)
+    assert not beamspot.fit(RADII, values, u, **known).warnings
+    with refused("in another unit"):
+        beamspot.fit(RADII, 100 * values, 100 * u, **known)
+
+
+def test_a_model_whose_error_is_unknown_says_so():
+    values, u = profile(4)
+    found = beamspot.fit(RADII, values, u, eta=1.5, model="multipole", thickness_mm=50.0, constraint="none")
+    assert any("u holds the noise and the inputs alone" in w for w in found.warnings)
 
 
 def test_materials_are_jensens():

@@ -1,6 +1,7 @@
 //! `fit` and `fit_many`.
 
-use crate::models::{Numbers, choice, numbers};
+use crate::arrays::{numbers, table};
+use crate::models::choice;
 use crate::{raised, refused};
 use ::fit::{Constraint, ManyFits, Profiles, Totals};
 use numpy::ndarray::ArrayView2;
@@ -245,6 +246,20 @@ fn points(radius_mm: &[f64], values: &[f64], u: &[f64]) -> Vec<ProfilePoint> {
     .collect()
 }
 
+/// The scale with what is said of it.
+fn scale(u_scale: Option<f64>) -> PyResult<[ScaleInput; 1]> {
+    let u_relative = u_scale.unwrap_or(0.0);
+    if u_relative < 0.0 {
+        return Err(refused(format!(
+            "u_scale: expected a number of at least 0, got {u_relative}"
+        )));
+    }
+    Ok([ScaleInput {
+        source: "scale",
+        u_relative,
+    }])
+}
+
 /// Without a total `joint` becomes `none`; `exact` cannot be kept.
 fn settle(py: Python<'_>, constraint: &str, has_total: bool) -> PyResult<Constraint> {
     let constraint = fitting::constraint(constraint).map_err(|e| raised(&e))?;
@@ -286,9 +301,9 @@ fn settle(py: Python<'_>, constraint: &str, has_total: bool) -> PyResult<Constra
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn fit<'py>(
     py: Python<'py>,
-    radius_mm: Numbers<'py>,
-    reflectance_per_mm2: Numbers<'py>,
-    u: Option<Numbers<'py>>,
+    radius_mm: Bound<'py, PyAny>,
+    reflectance_per_mm2: Bound<'py, PyAny>,
+    u: Option<Bound<'py, PyAny>>,
     eta: f64,
     total: Option<f64>,
     u_total: Option<f64>,
@@ -301,8 +316,8 @@ pub(crate) fn fit<'py>(
     entry_loss: bool,
     discrepancy: bool,
 ) -> PyResult<Fit> {
-    let radius_mm = numbers(&radius_mm);
-    let values = numbers(&reflectance_per_mm2);
+    let radius_mm = numbers("radius_mm", &radius_mm)?;
+    let values = numbers("reflectance_per_mm2", &reflectance_per_mm2)?;
     same_length(
         "reflectance_per_mm2",
         values.len(),
@@ -310,7 +325,7 @@ pub(crate) fn fit<'py>(
         radius_mm.len(),
     )?;
     let u = match u {
-        Some(u) => numbers(&u),
+        Some(u) => numbers("u", &u)?,
         None => {
             warn(py, "u was not given: 1 % of each value was assumed")?;
             assumed_u(&values)
@@ -322,18 +337,15 @@ pub(crate) fn fit<'py>(
         channel: "Y".to_owned(),
         points: points(&radius_mm, &values, &u),
     };
+    let scale = scale(u_scale)?;
     let total = total.map(|total_reflectance| TotalReflectance {
         channel: "Y".to_owned(),
         total_reflectance,
         u_total_reflectance: u_total.unwrap_or(0.0),
         radius_max_mm: None,
-        u_scale_relative: u_scale.unwrap_or(0.0),
+        u_scale_relative: scale[0].u_relative,
         u_offset_per_mm2: 0.0,
     });
-    let scale = [ScaleInput {
-        source: "scale",
-        u_relative: u_scale.unwrap_or(0.0),
-    }];
     let given = Given {
         discrepancy,
         constraint,
@@ -435,12 +447,12 @@ columns! {
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn fit_many<'py>(
     py: Python<'py>,
-    radius_mm: Numbers<'py>,
-    reflectance_per_mm2: PyArrayLike2<'py, f64, AllowTypeChange>,
+    radius_mm: Bound<'py, PyAny>,
+    reflectance_per_mm2: Bound<'py, PyAny>,
     u: Option<Bound<'py, PyAny>>,
     eta: f64,
-    total: Option<Numbers<'py>>,
-    u_total: Option<Numbers<'py>>,
+    total: Option<Bound<'py, PyAny>>,
+    u_total: Option<Bound<'py, PyAny>>,
     u_scale: Option<f64>,
     model: &str,
     constraint: &str,
@@ -451,19 +463,21 @@ pub(crate) fn fit_many<'py>(
     discrepancy: bool,
     threads: Option<usize>,
 ) -> PyResult<FitMany> {
-    let radius_mm = numbers(&radius_mm);
-    let columns = reflectance_per_mm2.as_array().ncols();
+    let radius_mm = numbers("radius_mm", &radius_mm)?;
+    let given: PyArrayLike2<'py, f64, AllowTypeChange> =
+        table("reflectance_per_mm2", &reflectance_per_mm2)?;
+    // An array that lies in memory as it should is looked at where it lies.
+    let given = given.as_array();
+    let (n, columns) = given.dim();
     same_length(
         "a row of reflectance_per_mm2",
         columns,
         "radius_mm",
         radius_mm.len(),
     )?;
-    // An array that lies in memory as it should is looked at where it lies.
-    let table = reflectance_per_mm2.as_array();
-    let values = rows(&table);
+    let values = rows(&given);
     let values = &*values;
-    let (two, one): (PyArrayLike2<'py, f64, AllowTypeChange>, Numbers<'py>);
+    let two: PyArrayLike2<'py, f64, AllowTypeChange>;
     let table_of_u: ArrayView2<'_, f64>;
     let (u_rows, made): (Cow<'_, [f64]>, Vec<f64>);
     let u: &[f64] = match u {
@@ -473,8 +487,8 @@ pub(crate) fn fit_many<'py>(
             &made
         }
         Some(u) if u.getattr("ndim").is_ok_and(|n| n.eq(2).unwrap_or(false)) => {
-            two = u.extract()?;
-            let (found, expected) = (two.as_array().dim(), reflectance_per_mm2.as_array().dim());
+            two = table("u", &u)?;
+            let (found, expected) = (two.as_array().dim(), given.dim());
             if found != expected {
                 return Err(refused(format!(
                     "u: expected the shape of reflectance_per_mm2 {expected:?}, got {found:?}"
@@ -485,19 +499,20 @@ pub(crate) fn fit_many<'py>(
             &u_rows
         }
         Some(u) => {
-            one = u.extract()?;
-            made = numbers(&one);
+            made = numbers("u", &u)?;
             same_length("u", made.len(), "radius_mm", radius_mm.len())?;
             &made
         }
     };
-    let n = reflectance_per_mm2.as_array().nrows();
     let constraint = settle(py, constraint, total.is_some())?;
     let totals = match &total {
         Some(total) => {
-            let total = numbers(total);
+            let total = numbers("total", total)?;
             same_length("total", total.len(), "reflectance_per_mm2", n)?;
-            let u_total = u_total.as_ref().map_or_else(|| vec![0.0; n], numbers);
+            let u_total = match &u_total {
+                Some(u_total) => numbers("u_total", u_total)?,
+                None => vec![0.0; n],
+            };
             same_length("u_total", u_total.len(), "reflectance_per_mm2", n)?;
             Some((total, u_total))
         }
@@ -510,10 +525,7 @@ pub(crate) fn fit_many<'py>(
         entry_loss,
         ..Given::of(choice(model, g, thickness_mm, 0.0), eta)
     };
-    let scale = [ScaleInput {
-        source: "scale",
-        u_relative: u_scale.unwrap_or(0.0),
-    }];
+    let scale = scale(u_scale)?;
     let at: Vec<f64> = vec![0.0; radius_mm.len()];
     let points = points(&radius_mm, &at, &at);
     let work = || {

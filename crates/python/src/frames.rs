@@ -1,5 +1,6 @@
 //! `merge` and `radial_profile`.
 
+use crate::arrays::table;
 use crate::refused;
 use ::profile::{Measured, ProfileOptions, View};
 use hdr::{DarkFrame, Merge};
@@ -334,8 +335,8 @@ impl Profile {
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn radial_profile<'py>(
     py: Python<'py>,
-    image: PyArrayLike2<'py, f32, AllowTypeChange>,
-    variance: PyArrayLike2<'py, f32, AllowTypeChange>,
+    image: Bound<'py, PyAny>,
+    variance: Bound<'py, PyAny>,
     mm_per_pixel: f64,
     factor_per_mm2: Option<f64>,
     center_px: Option<[f64; 2]>,
@@ -343,6 +344,8 @@ pub(crate) fn radial_profile<'py>(
     min_width_px: f64,
     clip: f64,
 ) -> PyResult<Profile> {
+    let image: PyArrayLike2<'py, f32, AllowTypeChange> = table("image", &image)?;
+    let variance: PyArrayLike2<'py, f32, AllowTypeChange> = table("variance", &variance)?;
     let (image, variance) = (image.as_array(), variance.as_array());
     if image.dim() != variance.dim() {
         return Err(refused(format!(

@@ -9,6 +9,7 @@
     reason = "arguments come from Python by value"
 )]
 
+mod arrays;
 mod fitting;
 mod frames;
 mod measurement;

@@ -1,17 +1,11 @@
 //! Models at radii, and the tables that ship.
 
+use crate::arrays::numbers;
 use crate::{raised, refused};
-use numpy::{AllowTypeChange, PyArray1, PyArrayLike1};
+use numpy::PyArray1;
 use physics::{Coefficients, ObliqueBeam, ReducedMedium};
 use pipeline::library::{self, ModelChoice, SlabChoice};
 use pyo3::prelude::*;
-
-/// Radii as NumPy has them.
-pub(crate) type Numbers<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
-
-pub(crate) fn numbers(array: &Numbers<'_>) -> Vec<f64> {
-    array.as_array().iter().copied().collect()
-}
 
 /// The model of that name, with what it may know of the sample.
 pub(crate) fn choice(
@@ -46,12 +40,12 @@ fn medium(sigma_s_prime: f64, sigma_a: f64, eta: f64) -> PyResult<Coefficients> 
 /// R_d of one medium at radii.
 fn evaluate<'py>(
     py: Python<'py>,
-    radius_mm: &Numbers<'py>,
+    radius_mm: &Bound<'py, PyAny>,
     at: Coefficients,
     eta: f64,
     choice: &ModelChoice,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let radius_mm = numbers(radius_mm);
+    let radius_mm = numbers("radius_mm", radius_mm)?;
     if let Some(bad) = radius_mm.iter().find(|r| !(**r >= 0.0 && r.is_finite())) {
         return Err(refused(format!(
             "radius_mm: expected numbers of at least 0, got {bad}"
@@ -71,7 +65,7 @@ macro_rules! model {
         #[pyo3(signature = (radius_mm, *, sigma_s_prime, sigma_a, eta $(, $third)?))]
         pub(crate) fn $function<'py>(
             py: Python<'py>,
-            radius_mm: Numbers<'py>,
+            radius_mm: Bound<'py, PyAny>,
             sigma_s_prime: f64,
             sigma_a: f64,
             eta: f64,
