@@ -119,8 +119,9 @@ pub fn fit_many(
         expect("the number of totals", length, length == n, expected)?;
     }
     problem::check_options(options, points)?;
-    problem::check_radii(&String::new, profiles.points.iter().map(|p| p.radius_mm))?;
-    let geometry = Geometry::new(profiles.points, options)?;
+    let all = || "all".to_owned();
+    problem::check_radii(&all, profiles.points.iter().map(|p| p.radius_mm))?;
+    let geometry = Geometry::new(profiles.points, &all, options)?;
 
     let one = |memory: &mut Memory, i: usize| -> Result<Summary, FitError> {
         let channel = || i.to_string();

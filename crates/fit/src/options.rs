@@ -1,6 +1,7 @@
 //! What the caller of a fit chooses.
 
-use physics::{Blur, Coefficients};
+use physics::{Blur, Coefficients, Footprints};
+use std::sync::Arc;
 
 /// What the total reflectance does to the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +62,12 @@ pub struct FitOptions {
     /// A medium near the one that is sought, where the caller knows of one: tried beside the
     /// search's own starts, which a model that is far off may mislead.
     pub near: Option<Coefficients>,
+    /// What nearly the same data gave under nearly the same options: the search begins there, with
+    /// the radii that are trusted there, and looks nowhere else.
+    pub last: Option<Coefficients>,
+    /// What every point of the profile averages over under `blur`, where the caller has it already
+    /// for many fits; `None` finds it.
+    pub footprints: Option<Arc<Footprints>>,
     /// Where the search gives up and returns its best so far.
     pub max_evaluations: usize,
 }
@@ -75,6 +82,8 @@ impl Default for FitOptions {
             directions: vec![],
             blur: Blur::NONE,
             near: None,
+            last: None,
+            footprints: None,
             max_evaluations: 2000,
         }
     }

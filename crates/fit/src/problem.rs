@@ -223,6 +223,14 @@ pub(crate) fn check_options(options: &FitOptions, points: usize) -> Result<(), F
             expected,
         });
     }
+    let footprints = options.footprints.as_ref().map(|f| f.len());
+    if let Some(found) = footprints.filter(|found| *found != points) {
+        return Err(FitError::BadOption {
+            name: "the number of footprints",
+            found: found as f64,
+            expected: "that of the points",
+        });
+    }
     for direction in &options.directions {
         let found = direction.profile.len();
         let finite = direction.total.is_finite() && direction.profile.iter().all(|x| x.is_finite());
@@ -257,6 +265,26 @@ pub(crate) fn check_radii(
 /// noise, or the coarseness of an integral over a few radii.
 const IMPOSSIBLE: f64 = 3.0;
 
+/// ∫ R 2πr dr of a profile, point by point: a sum over its rings, or trapezia between its radii.
+#[derive(Default)]
+pub(crate) struct Light {
+    pub(crate) integral: f64,
+    /// Radius of the last point, and 2πrR there.
+    last: Option<(f64, f64)>,
+}
+
+impl Light {
+    pub(crate) fn add(&mut self, p: &ProfilePoint, value: f64) {
+        let around = 2.0 * std::f64::consts::PI * p.radius_mm * value;
+        self.integral += match (p.ring_mm, self.last) {
+            (Some(_), _) => p.area_mm2() * value,
+            (None, Some((r, last))) => 0.5 * (around + last) * (p.radius_mm - r),
+            (None, None) => 0.0,
+        };
+        self.last = Some((p.radius_mm, around));
+    }
+}
+
 /// Refuses values that are no measurement, hold no signal, or more light than there is. `data`
 /// are value and standard uncertainty of each point of `at`; `total` is the measured one.
 pub(crate) fn check_values(
@@ -266,8 +294,8 @@ pub(crate) fn check_values(
     total: Option<Measured>,
     options: &FitOptions,
 ) -> Result<(), FitError> {
-    let (mut best, mut integral) = (f64::NEG_INFINITY, 0.0);
-    let mut before: Option<(f64, f64)> = None;
+    let mut best = f64::NEG_INFINITY;
+    let mut light = Light::default();
     for (p, (value, u)) in at.iter().zip(data) {
         if !(value.is_finite() && u.is_finite() && u > 0.0) {
             return Err(FitError::BadPoint {
@@ -278,14 +306,9 @@ pub(crate) fn check_values(
             });
         }
         best = best.max(value / u);
-        let around = 2.0 * std::f64::consts::PI * p.radius_mm * value;
-        integral += match (p.ring_mm, before) {
-            (Some(_), _) => p.area_mm2() * value,
-            (None, Some((r, last))) => 0.5 * (around + last) * (p.radius_mm - r),
-            (None, None) => 0.0,
-        };
-        before = Some((p.radius_mm, around));
+        light.add(p, value);
     }
+    let integral = light.integral;
     if at.is_empty() {
         let (start_mm, end_mm) = options.range_mm.unwrap_or((0.0, 0.0));
         return Err(FitError::TooFewPoints {

@@ -15,10 +15,15 @@ pub(crate) fn contains(range: (f64, f64), (inner, outer): (f64, f64)) -> bool {
 }
 
 /// Everything that is clear of the beam, in a profile that ends at `outer_mm`.
-pub(crate) fn widest(outer_mm: f64, options: &FitOptions) -> Result<(f64, f64), FitError> {
+pub(crate) fn widest(
+    outer_mm: f64,
+    channel: &dyn Fn() -> String,
+    options: &FitOptions,
+) -> Result<(f64, f64), FitError> {
     let start = options.blur.clear_mm();
     if start >= outer_mm {
         return Err(FitError::BeamWiderThanProfile {
+            channel: channel(),
             beam_mm: start,
             profile_mm: outer_mm,
         });

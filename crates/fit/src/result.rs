@@ -137,6 +137,19 @@ pub enum Warning {
         /// Its standard uncertainty, mm⁻².
         u: f64,
     },
+    /// The shape of the profile and its light contradict each other by a power of ten.
+    #[error(
+        "the profile integrates to {integral:.2e} of the incident light, and with its shape it would be {expected:.2e}: it is too {direction} by about 10^{power}, a power of ten, which looks like a unit; radii must be mm and reflectances mm^-2 (radii in cm make it 100 times too dark, reflectances in cm^-2 100 times too bright)",
+        direction = if *power < 0 { "dark" } else { "bright" }
+    )]
+    AnotherUnit {
+        /// ∫ R 2πr dr of the profile.
+        integral: f64,
+        /// What the model's medium of this shape returns there.
+        expected: f64,
+        /// The nearest power of ten by which the first is off.
+        power: i32,
+    },
     /// One point outweighs all others together.
     #[error(
         "the point at {radius_mm:.3} mm carries {percent:.0} % of all the weight, so that nothing checks it: look at its uncertainty"
@@ -146,6 +159,14 @@ pub enum Warning {
         radius_mm: f64,
         /// Its share, percent.
         percent: f64,
+    },
+    /// The model is a closed form whose error nobody has measured.
+    #[error(
+        "how far the model {model} is off transport is not known: u holds the noise and the inputs alone, and a closed form is wrong by percents"
+    )]
+    UnknownModelError {
+        /// Its name.
+        model: &'static str,
     },
     /// Much light leaves outside the picture.
     #[error("{percent:.1} % of the light leaves outside the picture, by the model")]
@@ -311,9 +332,11 @@ pub enum FitError {
     ScaleIsExact,
     /// The beam covers the profile.
     #[error(
-        "the profile ends at {profile_mm} mm, inside the beam (which is clear from {beam_mm} mm): give the range, or a narrower beam"
+        "channel {channel}: the profile ends at {profile_mm} mm, inside the beam (which is clear from {beam_mm} mm): give the range, or a narrower beam"
     )]
     BeamWiderThanProfile {
+        /// Name of the channel.
+        channel: String,
         /// Radius from which a profile is clear of the blur, mm.
         beam_mm: f64,
         /// Last radius, mm.

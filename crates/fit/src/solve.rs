@@ -4,6 +4,7 @@ use crate::options::Constraint;
 use crate::problem::{Coarse, Level, Normal, Point, Problem};
 use crate::result::Termination;
 use nalgebra::{Matrix2, Vector2};
+use physics::Coefficients;
 
 /// Points of the scan in λ = ln σₜ′.
 const SCAN: usize = 17;
@@ -56,31 +57,62 @@ struct Start {
     chi2: f64,
 }
 
-/// Solves `problem` under its constraint. Needs no start.
+/// Solves `problem` under its constraint: from `start` alone, or, without one, wherever the
+/// minimum may be.
+pub(crate) fn solve(problem: &mut Problem, start: Option<Coefficients>) -> Solution {
+    let mut budget = Budget {
+        used: 0,
+        limit: problem.data.options.max_evaluations,
+    };
+    let best = match start {
+        Some(start) => from(problem, start, &mut budget),
+        None => anywhere(problem, &mut budget),
+    };
+    Solution {
+        evaluations: budget.used,
+        ..best
+    }
+}
+
+/// The minimum in whose valley `start` is, on all data.
+fn from(problem: &mut Problem, start: Coefficients, budget: &mut Budget) -> Solution {
+    let point = Point::at(start.sigma_t_prime().ln());
+    let point = point.with_sigma_tr(start.sigma_tr(), problem.epsilon);
+    if problem.data.options.constraint != Constraint::Exact {
+        return descend(problem, Level::Full, point, budget);
+    }
+    let (low, high) = problem.lambda_bounds();
+    let start = Start {
+        point,
+        lambda: point.lambda.clamp(low, high),
+        low,
+        high,
+        chi2: f64::INFINITY,
+    };
+    along_constraint(problem, Level::Full, &start, budget)
+}
+
+/// The best minimum that there is.
 ///
 /// The scan and its refinement look at a few points that stand for all; what they find is then
 /// followed on everything.
-pub(crate) fn solve(problem: &mut Problem) -> Solution {
+fn anywhere(problem: &mut Problem, budget: &mut Budget) -> Solution {
     let options = problem.data.options;
-    let mut budget = Budget {
-        used: 0,
-        limit: options.max_evaluations,
-    };
     // Without a scale the total says nothing about where to look.
     let tied = options.constraint != Constraint::None && options.u_scale_relative.is_finite();
     let mut starts = if tied {
-        scan_constraint(problem, &mut budget)
+        scan_constraint(problem, budget)
     } else {
-        scan_plane(problem, &mut budget)
+        scan_plane(problem, budget)
     };
     for start in &mut starts {
         let refined = match options.constraint {
-            Constraint::Exact => along_constraint(problem, Level::Coarse, start, &mut budget),
+            Constraint::Exact => along_constraint(problem, Level::Coarse, start, budget),
             Constraint::Joint if tied => {
-                let exact = along_constraint(problem, Level::Coarse, start, &mut budget);
-                descend(problem, Level::Coarse, exact.point, &mut budget)
+                let exact = along_constraint(problem, Level::Coarse, start, budget);
+                descend(problem, Level::Coarse, exact.point, budget)
             }
-            _ => descend(problem, Level::Coarse, start.point, &mut budget),
+            _ => descend(problem, Level::Coarse, start.point, budget),
         };
         (start.point, start.chi2) = (refined.point, refined.chi2);
         start.lambda = refined.point.lambda;
@@ -103,27 +135,23 @@ pub(crate) fn solve(problem: &mut Problem) -> Solution {
         followed[count] = Some(start.point);
         count += 1;
         let solution = match options.constraint {
-            Constraint::Exact => along_constraint(problem, Level::Full, start, &mut budget),
-            _ => descend(problem, Level::Full, start.point, &mut budget),
+            Constraint::Exact => along_constraint(problem, Level::Full, start, budget),
+            _ => descend(problem, Level::Full, start.point, budget),
         };
         if best.is_none_or(|b| solution.chi2 < b.chi2) {
             best = Some(solution);
         }
     }
-    let near = problem.data.options.near;
-    if let Some(near) = near.filter(|_| problem.data.options.constraint != Constraint::Exact) {
-        let start = Point::at(near.sigma_t_prime().ln());
-        let start = start.with_sigma_tr(near.sigma_tr(), problem.epsilon);
-        let solution = descend(problem, Level::Full, start, &mut budget);
+    let near = options
+        .near
+        .filter(|_| options.constraint != Constraint::Exact);
+    if let Some(near) = near {
+        let solution = from(problem, near, budget);
         if best.is_none_or(|b| solution.chi2 < b.chi2) {
             best = Some(solution);
         }
     }
-    let best = best.expect("a scan has at least one smallest value");
-    Solution {
-        evaluations: budget.used,
-        ..best
-    }
+    best.expect("a scan has at least one smallest value")
 }
 
 /// The point of this λ at which the model's total is the measured one, and dτ/dλ along it.

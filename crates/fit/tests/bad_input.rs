@@ -5,7 +5,7 @@
     reason = "a failed step of a test is a failed test"
 )]
 
-use fit::{Constraint, Fit, FitError, FitOptions, Warning, fit};
+use fit::{Constraint, Fit, FitError, FitOptions, Warning, another_unit, fit};
 use physics::{
     DiffuseFresnel, Dipole, DipoleModel, ProfilePoint, RadialProfile, ReducedMedium,
     TotalReflectance,
@@ -138,6 +138,66 @@ fn units_that_make_too_little_light_are_loud() {
             .iter()
             .any(|w| matches!(w, Warning::PoorFit { .. } | Warning::ScaleOff { .. }));
         assert!(loud, "{factor}: {found:?}");
+    }
+}
+
+/// A profile that is dark by a power of ten has the shape of a medium whose light it has not.
+#[test]
+fn a_power_of_ten_between_shape_and_light_is_called_a_unit() {
+    let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
+    let dipole = Dipole::new(&MARBLE, DiffuseFresnel::Exact);
+    let total = TotalReflectance {
+        channel: "G".to_owned(),
+        total_reflectance: dipole.total_reflectance(),
+        u_total_reflectance: 0.002,
+        radius_max_mm: None,
+        u_scale_relative: 0.0,
+        u_offset_per_mm2: 0.0,
+    };
+    for constraint in [Constraint::Joint, Constraint::Exact] {
+        let options = FitOptions {
+            constraint,
+            u_scale_relative: if constraint == Constraint::Joint {
+                0.01
+            } else {
+                0.0
+            },
+            ..FitOptions::default()
+        };
+        let told = |profile: &RadialProfile| {
+            let found = fit(profile, Some(&total), &model, &options).unwrap();
+            another_unit(profile, &found, |other, _| {
+                fit(other, Some(&total), &model, &options).ok()
+            })
+        };
+        // Radii in cm; values of which ten are one.
+        let (mut short, mut dark, mut bent) = (profile(), profile(), profile());
+        for p in &mut short.points {
+            p.radius_mm /= 10.0;
+        }
+        for p in &mut dark.points {
+            p.reflectance_per_mm2 /= 10.0;
+            p.u_reflectance_per_mm2 /= 10.0;
+        }
+        // No unit does that.
+        for p in &mut bent.points {
+            p.reflectance_per_mm2 *= (-0.3 * p.radius_mm).exp();
+            p.u_reflectance_per_mm2 *= (-0.3 * p.radius_mm).exp();
+        }
+        for (profile, power) in [(short, -2), (dark, -1)] {
+            let Some(Warning::AnotherUnit {
+                integral,
+                expected,
+                power: found,
+            }) = told(&profile)
+            else {
+                panic!("{constraint:?}: 10^{power} was not recognised");
+            };
+            assert_eq!(found, power);
+            assert!((integral / expected / 10.0_f64.powi(power) - 1.0).abs() < 1e-9);
+        }
+        assert_eq!(told(&profile()), None);
+        assert_eq!(told(&bent), None, "{constraint:?}");
     }
 }
 

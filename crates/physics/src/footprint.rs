@@ -216,9 +216,10 @@ impl Footprints {
             weights: vec![],
             ends: vec![],
         };
+        let mut fans = Fans { blur, made: vec![] };
         for point in points {
             let rule = match point.ring_mm {
-                None => blurred_rule(&[(point.radius_mm, 1.0)], blur),
+                None => blurred_rule(&[(point.radius_mm, 1.0)], &mut fans),
                 Some((inner, outer)) => {
                     let area = 0.5 * (outer * outer - inner * inner);
                     let count = if outer > 1.5 * inner { 8 } else { 4 };
@@ -226,7 +227,7 @@ impl Footprints {
                     if blur.standard_deviation_mm() == 0.0 {
                         ring
                     } else {
-                        blurred_rule(&ring, blur)
+                        blurred_rule(&ring, &mut fans)
                     }
                 }
             };
@@ -237,6 +238,22 @@ impl Footprints {
             footprints.ends.push(footprints.radii.len());
         }
         footprints
+    }
+
+    /// Those of some of the points.
+    pub fn of(&self, indices: &[usize]) -> Self {
+        let mut some = Self {
+            radii: vec![],
+            weights: vec![],
+            ends: Vec::with_capacity(indices.len()),
+        };
+        for &i in indices {
+            let run = if i == 0 { 0 } else { self.ends[i - 1] }..self.ends[i];
+            some.radii.extend_from_slice(&self.radii[run.clone()]);
+            some.weights.extend_from_slice(&self.weights[run]);
+            some.ends.push(some.radii.len());
+        }
+        some
     }
 
     /// How many data there are.
@@ -340,8 +357,9 @@ impl Rows<'_> {
 }
 
 /// A Gauss rule for the distance from the centre of a point drawn from `ring` (radii and
-/// weights) and displaced by `blur`.
-fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
+/// weights) and displaced by the blur of `fans`.
+fn blurred_rule(ring: &[(f64, f64)], fans: &mut Fans) -> Vec<(f64, f64)> {
+    let blur = fans.blur;
     let spread = blur.standard_deviation_mm();
     if spread == 0.0 {
         return ring.to_vec();
@@ -351,9 +369,9 @@ fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
     // Far out the distribution is narrow beside the radius and a few nodes are exact.
     let relative = (spread + 0.3 * (outermost - innermost)) / outermost.max(spread);
     let (nodes, samples) = match relative {
-        x if x < 0.03 => (3, displaced(ring, blur, 10, 12)),
-        x if x < 0.1 => (5, displaced(ring, blur, 16, 24)),
-        x if x < 0.25 => (9, displaced(ring, blur, 24, 32)),
+        x if x < 0.03 => (3, displaced(ring, fans.of(10, 12))),
+        x if x < 0.1 => (5, displaced(ring, fans.of(16, 24))),
+        x if x < 0.25 => (9, displaced(ring, fans.of(24, 32))),
         _ => (20, about_the_beam(ring, blur)),
     };
     // Toward the beam light that scattered once goes like 1/r: radius times a model is smooth.
@@ -365,21 +383,53 @@ fn blurred_rule(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
     rule
 }
 
-/// `ring`, each radius displaced by `fine` distances in `angles` directions.
-fn displaced(ring: &[(f64, f64)], blur: &Blur, fine: usize, angles: usize) -> Vec<(f64, f64)> {
-    let mut samples = Vec::with_capacity(ring.len() * fine * angles);
-    let displacements = blur.displacements(fine);
-    for &(radius, ring_weight) in ring {
-        for &(offset, weight) in &displacements {
-            // The trapezoidal rule over a period converges faster than any power.
-            for step in 0..angles {
-                let cos = (PI * (step as f64 + 0.5) / angles as f64).cos();
-                let square = radius * radius + offset * offset + 2.0 * radius * offset * cos;
-                samples.push((square.max(0.0).sqrt(), ring_weight * weight / angles as f64));
+/// A displacement: the square of its length, twice its part outward, and its weight.
+#[derive(Clone, Copy)]
+struct Displacement {
+    square: f64,
+    outward: f64,
+    weight: f64,
+}
+
+/// What a blur displaces by, made once for all rings that want as many.
+struct Fans<'a> {
+    blur: &'a Blur,
+    made: Vec<((usize, usize), Vec<Displacement>)>,
+}
+
+impl Fans<'_> {
+    /// `fine` distances in `angles` directions.
+    fn of(&mut self, fine: usize, angles: usize) -> &[Displacement] {
+        let size = (fine, angles);
+        let made = match self.made.iter().position(|(other, _)| *other == size) {
+            Some(made) => made,
+            None => {
+                let lengths = self.blur.displacements(fine);
+                let fan = lengths.into_iter().flat_map(|(length, weight)| {
+                    // The trapezoidal rule over a period converges faster than any power.
+                    (0..angles).map(move |step| Displacement {
+                        square: length * length,
+                        outward: 2.0 * length * (PI * (step as f64 + 0.5) / angles as f64).cos(),
+                        weight: weight / angles as f64,
+                    })
+                });
+                self.made.push((size, fan.collect()));
+                self.made.len() - 1
             }
-        }
+        };
+        &self.made[made].1
     }
-    samples
+}
+
+/// `ring`, each radius displaced by every one of `fan`.
+fn displaced(ring: &[(f64, f64)], fan: &[Displacement]) -> Vec<(f64, f64)> {
+    let samples = ring.iter().flat_map(|&(radius, ring_weight)| {
+        fan.iter().map(move |by| {
+            let square = radius * radius + by.square + radius * by.outward;
+            (square.max(0.0).sqrt(), ring_weight * by.weight)
+        })
+    });
+    samples.collect()
 }
 
 /// The same by what the blur about each radius leaves on circles about the beam: displacements
@@ -409,6 +459,65 @@ fn about_the_beam(ring: &[(f64, f64)], blur: &Blur) -> Vec<(f64, f64)> {
 const PANELS: u32 = 16;
 const NODES_PER_PANEL: usize = 8;
 
+/// Samples that are worked on together: partial sums let the compiler use vector registers, which
+/// one running sum would not.
+const LANES: usize = 8;
+
+/// Some samples of a measure, with the last two of its polynomials there; those that fill the last
+/// block up have no weight.
+#[derive(Clone, Copy)]
+struct Block {
+    x: [f64; LANES],
+    weight: [f64; LANES],
+    current: [f64; LANES],
+    previous: [f64; LANES],
+}
+
+impl Block {
+    /// Before the first polynomial, which is 1.
+    fn of(samples: &[(f64, f64)], mean: f64, spread: f64) -> Self {
+        let mut block = Self {
+            x: [0.0; LANES],
+            weight: [0.0; LANES],
+            current: [1.0; LANES],
+            previous: [0.0; LANES],
+        };
+        for (i, (x, weight)) in samples.iter().enumerate() {
+            block.x[i] = (x - mean) / spread;
+            block.weight[i] = *weight;
+        }
+        block
+    }
+}
+
+/// Σ w p² and Σ w x p² of the polynomials of `blocks`.
+fn sums(blocks: &[Block]) -> (f64, f64) {
+    let (mut norm, mut moment) = ([0.0; LANES], [0.0; LANES]);
+    for block in blocks {
+        for i in 0..LANES {
+            let square = block.weight[i] * block.current[i] * block.current[i];
+            norm[i] += square;
+            moment[i] += square * block.x[i];
+        }
+    }
+    (norm.iter().sum(), moment.iter().sum())
+}
+
+/// The same of the next ones, (x − a) p − below·previous.
+fn advance(blocks: &mut [Block], a: f64, below: f64) -> (f64, f64) {
+    let (mut norm, mut moment) = ([0.0; LANES], [0.0; LANES]);
+    for block in blocks {
+        for i in 0..LANES {
+            let next = (block.x[i] - a) * block.current[i] - below * block.previous[i];
+            block.previous[i] = std::mem::replace(&mut block.current[i], next);
+            let square = block.weight[i] * next * next;
+            norm[i] += square;
+            moment[i] += square * block.x[i];
+        }
+    }
+    (norm.iter().sum(), moment.iter().sum())
+}
+
 /// The Gauss rule with `count` nodes of a discrete measure (Stieltjes' procedure, then the
 /// eigenvalues of the Jacobi matrix after Golub and Welsch 1969).
 fn gauss_rule(samples: &[(f64, f64)], count: usize) -> Vec<(f64, f64)> {
@@ -424,40 +533,27 @@ fn gauss_rule(samples: &[(f64, f64)], count: usize) -> Vec<(f64, f64)> {
         return vec![(mean, total)];
     }
     // In units of the spread about the mean, so that the recurrence stays near 1.
-    let x: Vec<f64> = samples.iter().map(|(x, _)| (x - mean) / spread).collect();
-    let mut previous = vec![0.0; x.len()];
-    let mut current = vec![1.0; x.len()];
-    let mut norm = total;
+    let mut blocks: Vec<Block> = samples
+        .chunks(LANES)
+        .map(|samples| Block::of(samples, mean, spread))
+        .collect();
+    let (mut norm, mut moment) = sums(&blocks);
     let mut below = 0.0;
     let mut jacobi = DMatrix::zeros(count, count);
     let mut size = 0;
     for i in 0..count {
-        let moment: f64 = x
-            .iter()
-            .zip(&current)
-            .zip(samples)
-            .map(|((x, p), (_, w))| w * x * p * p)
-            .sum();
         let a = moment / norm;
         jacobi[(i, i)] = a;
         size = i + 1;
         if size == count {
             break;
         }
-        for ((p, last), x) in current.iter_mut().zip(&mut previous).zip(&x) {
-            let next = (x - a) * *p - below * *last;
-            *last = std::mem::replace(p, next);
-        }
-        let next_norm: f64 = current
-            .iter()
-            .zip(samples)
-            .map(|(p, (_, w))| w * p * p)
-            .sum();
+        let (next_norm, next_moment) = advance(&mut blocks, a, below);
         below = next_norm / norm;
         if below <= 1e-14 {
             break;
         }
-        norm = next_norm;
+        (norm, moment) = (next_norm, next_moment);
         jacobi[(i, i + 1)] = below.sqrt();
         jacobi[(i + 1, i)] = below.sqrt();
     }

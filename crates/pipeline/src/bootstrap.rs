@@ -8,7 +8,7 @@
 //! the spread stands beside the other lines of the budget.
 
 use crate::error::Result;
-use crate::fitting::{Given, ScaleInput, exit_factor, fit_channel, u_relative};
+use crate::fitting::{Given, ScaleInput, Shared, exit_factor, fit_beside, u_relative};
 use crate::unknown_g::settled;
 use fit::DirectionKind;
 use physics::{Blur, Coefficients, Footprints, ProfilePoint, RadialProfile, TotalReflectance};
@@ -157,6 +157,9 @@ impl Channel<'_> {
     ///
     /// The model is unknown. A replica that cannot be fitted is counted.
     pub fn bootstrap(&self, medium: Coefficients, count: usize, seed: u64) -> Result<Bootstrap> {
+        // A g that the data had to tell, they have to tell again.
+        let given = self.given.unsettled();
+        let shared = Shared::of(&given).at(&self.profile.points, &given);
         let found = (0..count as u64)
             .into_par_iter()
             .map(|replica| {
@@ -164,10 +167,9 @@ impl Channel<'_> {
                 let mut rng =
                     Pcg64::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ replica);
                 let (profile, total) = self.drawn(medium, &mut rng)?;
-                // A g that the data had to tell, they have to tell again.
-                let given = self.given.unsettled();
-                let fit = settled(&profile, total.as_ref(), self.scale, &given)
-                    .and_then(|g| fit_channel(&profile, total.as_ref(), self.scale, &g.exact()));
+                let total = total.as_ref();
+                let fit = settled(&profile, total, self.scale, &given)
+                    .and_then(|g| fit_beside(&profile, total, self.scale, &g.exact(), &shared));
                 Ok(fit.ok().map(|fit| fit.coefficients()))
             })
             .collect::<Result<Vec<Option<Coefficients>>>>()?;

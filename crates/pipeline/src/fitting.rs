@@ -5,7 +5,7 @@ use crate::error::{Error, Kind, Result};
 use crate::library::{self, ModelChoice};
 use fit::{
     Constraint, Contribution, Direction, DirectionKind, Estimate, Fit, FitError, FitOptions,
-    ManyFits, Profiles,
+    ManyFits, Profiles, Warning,
 };
 use physics::footprint::Beam;
 use physics::{
@@ -15,6 +15,7 @@ use physics::{
 use profile::Exit;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use transport::TransportModel;
 
 /// Standard uncertainty over the difference of two answers, were any between as likely as either:
@@ -187,6 +188,7 @@ impl Given {
         profile: &RadialProfile,
         total: Option<&TotalReflectance>,
         truths: &[TransportModel],
+        footprints: &Arc<Footprints>,
     ) -> Option<Coefficients> {
         let hard = total.is_some() && self.constraint != Constraint::None && !self.free_scale;
         let options = FitOptions {
@@ -195,6 +197,7 @@ impl Given {
             } else {
                 Constraint::None
             },
+            footprints: Some(Arc::clone(footprints)),
             ..self.options(if self.free_scale { f64::INFINITY } else { 0.0 })
         };
         // Where that has no answer, neither has a fit with a closed form: it will say why.
@@ -311,7 +314,34 @@ pub fn fit_channel(
     scale: &[ScaleInput],
     given: &Given,
 ) -> Result<Fit> {
-    fit_beside(profile, total, scale, given, &given.truths())
+    fit_beside(profile, total, scale, given, &Shared::of(given))
+}
+
+/// What fits of many profiles share that were taken alike.
+pub(crate) struct Shared {
+    /// Transport at every g that the medium may have, where the model's discrepancy takes part.
+    truths: Vec<TransportModel>,
+    /// What the points average over, where all profiles have the same.
+    footprints: Option<Arc<Footprints>>,
+}
+
+impl Shared {
+    /// Of profiles for which this is given.
+    pub(crate) fn of(given: &Given) -> Self {
+        Self {
+            truths: given.truths(),
+            footprints: None,
+        }
+    }
+
+    /// The same where all have these points, which have been checked.
+    pub(crate) fn at(self, points: &[ProfilePoint], given: &Given) -> Self {
+        let footprints = Footprints::new(points, &given.blur());
+        Self {
+            footprints: Some(Arc::new(footprints)),
+            ..self
+        }
+    }
 }
 
 /// Fits every one of many profiles that share radii and what is given, on all threads of the
@@ -329,10 +359,11 @@ pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Res
     let model = given.model()?;
     let options = given.options(given.u_scale(scale));
     let mut found = fit::fit_many(profiles, &*model, &options)?;
-    let truths = given.truths();
-    if truths.is_empty() {
+    let shared = Shared::of(given);
+    if shared.truths.is_empty() {
         return Ok(found);
     }
+    let shared = shared.at(profiles.points, given);
     let points = profiles.points.len();
     let one = |i: usize| {
         let channel = i.to_string();
@@ -362,7 +393,7 @@ pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Res
             u_scale_relative: u_relative(scale),
             u_offset_per_mm2: 0.0,
         });
-        fit_beside(&profile, total.as_ref(), scale, given, &truths)
+        fit_beside(&profile, total.as_ref(), scale, given, &shared)
     };
     // What has no answer without the discrepancy has none with it.
     let failed: BTreeSet<usize> = found.errors.iter().map(|e| e.0).collect();
@@ -384,16 +415,53 @@ pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Res
     Ok(found)
 }
 
-/// The fit of [`fit_channel`], with transport at the g that the medium may have.
-fn fit_beside(
+/// The fit of [`fit_channel`], with what it shares with others.
+pub(crate) fn fit_beside(
     profile: &RadialProfile,
     total: Option<&TotalReflectance>,
     scale: &[ScaleInput],
     given: &Given,
-    truths: &[TransportModel],
+    shared: &Shared,
+) -> Result<Fit> {
+    let mut found = fit_with_lines(profile, total, scale, given, shared)?;
+    if given.discrepancy && !given.model.solves_transport() && !Discrepancy::is_known(&given.model)
+    {
+        let model = given.model()?.name();
+        found.warnings.push(Warning::UnknownModelError { model });
+    }
+    if given.free_scale {
+        return Ok(found);
+    }
+    let unit = fit::another_unit(profile, &found, |other, factor| {
+        let mut given = given.exact();
+        let directions = given.directions.iter_mut();
+        for direction in directions.filter(|d| d.kind == DirectionKind::Absolute) {
+            for change in &mut direction.profile {
+                *change *= factor;
+            }
+        }
+        fit_with_lines(other, total, scale, &given, shared).ok()
+    });
+    found.warnings.extend(unit);
+    Ok(found)
+}
+
+/// The fit, with the lines of its budget that it does not find itself.
+fn fit_with_lines(
+    profile: &RadialProfile,
+    total: Option<&TotalReflectance>,
+    scale: &[ScaleInput],
+    given: &Given,
+    shared: &Shared,
 ) -> Result<Fit> {
     let u_scale_relative = given.u_scale(scale);
-    let near = given.near(profile, total, truths);
+    // What a number that is none does to a footprint is nobody's question.
+    fit::check(profile, total, &given.options(u_scale_relative))?;
+    let footprints = match &shared.footprints {
+        Some(footprints) => Arc::clone(footprints),
+        None => Arc::new(Footprints::new(&profile.points, &given.blur())),
+    };
+    let near = given.near(profile, total, &shared.truths, &footprints);
     let (profile, total) = if near.is_some() {
         with_grain(&given.model, profile, total)
     } else {
@@ -411,6 +479,8 @@ fn fit_beside(
         total,
         given: given.clone(),
         near,
+        last: None,
+        footprints,
         bends: vec![],
     };
     let (case, best) = case.settled(u_scale_relative)?;
@@ -501,6 +571,10 @@ struct Case {
     given: Given,
     /// Where the discrepancy of the model is taken, if it takes part.
     near: Option<Coefficients>,
+    /// What the last fit of it found, where the next begins.
+    last: Option<Coefficients>,
+    /// What the points average over, as given.
+    footprints: Arc<Footprints>,
     /// What inputs do to the data that may be off, for the fit to carry along.
     bends: Vec<Direction>,
 }
@@ -519,11 +593,9 @@ impl Case {
     /// that the fit finds: the model is then the one of that input, and not of a linear guess.
     fn settled(mut self, u_scale_relative: f64) -> Result<(Self, Fit)> {
         let mut best = self.fitted(u_scale_relative)?;
-        if !self.given.carries_inputs() {
-            return Ok((self, best));
-        }
         let inputs: Vec<Bending> = self.given.bending().collect();
-        if inputs.is_empty() {
+        if !self.given.carries_inputs() || inputs.is_empty() {
+            self.last = Some(best.coefficients());
             return Ok((self, best));
         }
         let mut off = vec![1.0; inputs.len()];
@@ -536,6 +608,8 @@ impl Case {
             let settled = !moved(&best.sigma_a, &next.sigma_a)
                 && !moved(&best.sigma_s_prime, &next.sigma_s_prime);
             best = next;
+            // From here on the directions change little: the next minimum is beside this one.
+            self.last = Some(best.coefficients());
             if settled {
                 break;
             }
@@ -584,11 +658,12 @@ impl Case {
         let model = given.model()?;
         let entry = given.entry_factor(given.eta);
         let mut values = vec![0.0; self.profile.points.len()];
-        Footprints::new(&self.profile.points, &given.blur()).reflectance(
-            &*model,
-            medium,
-            &mut values,
-        );
+        let footprints = if given.blur() == self.given.blur() {
+            Arc::clone(&self.footprints)
+        } else {
+            self.averaged(given)
+        };
+        footprints.reflectance(&*model, medium, &mut values);
         for value in &mut values {
             *value *= entry;
         }
@@ -599,11 +674,25 @@ impl Case {
         Ok((values, total))
     }
 
+    /// What the points average over where this is given.
+    fn averaged(&self, given: &Given) -> Arc<Footprints> {
+        Arc::new(Footprints::new(&self.profile.points, &given.blur()))
+    }
+
+    /// The same where another beam lit them.
+    fn lit_by(&mut self, beam: &Beam) {
+        if self.given.beam != *beam {
+            self.given.beam = beam.clone();
+            self.footprints = self.averaged(&self.given);
+        }
+    }
+
     /// The data as an input that is otherwise makes them, for a fit that takes it so.
     fn take(&mut self, given: &Given) {
         let factor = exit_factor(given.exit, self.given.eta) / exit_factor(given.exit, given.eta);
         self.scale(|_| factor, factor);
-        (self.given.eta, self.given.beam) = (given.eta, given.beam.clone());
+        self.given.eta = given.eta;
+        self.lit_by(&given.beam);
     }
 
     /// The fit, with nothing added to its own uncertainty.
@@ -613,6 +702,8 @@ impl Case {
             total,
             given,
             near,
+            last,
+            footprints,
             bends,
         } = self;
         let model = given.model()?;
@@ -632,6 +723,8 @@ impl Case {
         };
         let mut options = FitOptions {
             near: *near,
+            last: *last,
+            footprints: Some(Arc::clone(footprints)),
             ..given.options(u_scale_relative)
         };
         options.directions.extend_from_slice(bends);
@@ -683,6 +776,12 @@ impl Case {
                 fwhm_mm: fwhm_mm * factor,
             },
         };
+        self.footprints = self.averaged(&self.given);
+        // Lengths and coefficients are each other's inverse.
+        self.last = self.last.map(|last| Coefficients {
+            sigma_a: last.sigma_a / factor,
+            sigma_s_prime: last.sigma_s_prime / factor,
+        });
     }
 }
 
@@ -725,7 +824,7 @@ impl Neighbours {
         for Variant { weight, change, .. } in variants {
             let mut case = self.case.clone();
             match change {
-                Change::Beam(beam) => case.given.beam = beam.clone(),
+                Change::Beam(beam) => case.lit_by(beam),
                 Change::G(g) => case.given.model.g = Some(*g),
             }
             let (from, to) = (

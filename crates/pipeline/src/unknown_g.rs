@@ -9,7 +9,8 @@
 
 use crate::error::{Blame, Result};
 use crate::fitting::{Change, Given, ScaleInput, Variant};
-use physics::{ForwardModel, RadialProfile, TotalReflectance};
+use physics::{Footprints, ForwardModel, RadialProfile, TotalReflectance};
+use std::sync::Arc;
 use transport::TransportFamily;
 
 /// The line of the budget.
@@ -46,6 +47,7 @@ pub fn settled(
     let first = family.at(STAND_IN).input("model monte-carlo")?;
     let start = fit::fit(profile, total, &first, &options)?;
     options.range_mm = Some(start.range_mm);
+    options.footprints = Some(Arc::new(Footprints::new(&profile.points, &given.blur())));
     // The table's own error near the beam must not be taken for news of g.
     let mut profile = profile.clone();
     for p in &mut profile.points {

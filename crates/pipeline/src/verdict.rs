@@ -306,6 +306,8 @@ impl Verdict {
                     "the data want the {input} {off:.1} of its standard uncertainties from what \
                      was stated"
                 )),
+                Warning::AnotherUnit { .. } => bad.push(warning.to_string()),
+                Warning::UnknownModelError { .. } => notes.push(warning.to_string()),
                 _ => {}
             }
         }
