@@ -599,7 +599,9 @@ fn the_readmes_commands_run() {
     for block in text.split("```sh\n").skip(1) {
         let block = block.split("```").next().unwrap();
         for line in block.lines() {
-            let words: Vec<&str> = line.split_whitespace().collect();
+            // What follows is a remark.
+            let words = line.split_whitespace().take_while(|word| *word != "#");
+            let words: Vec<&str> = words.collect();
             assert_eq!(words[0], "beamspot", "{line}");
             stdout(folder.path(), &words[1..]);
             ran += 1;

@@ -5,7 +5,7 @@ pub(crate) mod comparison;
 use crate::axis::Axis;
 use crate::channel::{ChannelReport, CurvePoint};
 use crate::markup::{escaped, svg};
-use crate::number::{exact, fixed, significant};
+use crate::number::{exact, fixed, significant, uncertain};
 use fit::Fit;
 use physics::ProfilePoint;
 use std::fmt::Write;
@@ -275,11 +275,7 @@ impl<'a> Plot<'a> {
             } else {
                 &mut left_out
             };
-            let _ = writeln!(
-                marks,
-                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{:.2}\"/>",
-                self.marker
-            );
+            self.circle(marks, (x, y), point.radius_mm, &uncertain(value, u), "mm⁻²");
         }
         let _ = write!(
             out,
@@ -434,14 +430,22 @@ impl<'a> Plot<'a> {
         let _ = writeln!(out, "{levels}<g class=\"{}\">", self.channel.color_class());
         for (radius, z) in residuals(self.channel.fit) {
             if let Some((x, y)) = self.radius.place(radius).zip(self.residual.place(z)) {
-                let _ = writeln!(
-                    out,
-                    "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{:.2}\"/>",
-                    self.marker
-                );
+                self.circle(out, (x, y), radius, &format!("{z:+.2}"), "u");
             }
         }
         out.push_str("</g>\n");
+    }
+
+    /// A marker, and what it stands for, which a browser shows where the pointer rests.
+    fn circle(&self, out: &mut String, (x, y): (f64, f64), radius: f64, number: &str, unit: &str) {
+        let _ = writeln!(
+            out,
+            "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{:.2}\"><title>r = {} mm: {} \
+             {unit}</title></circle>",
+            self.marker,
+            significant(radius, 4),
+            escaped(number)
+        );
     }
 }
 

@@ -105,6 +105,26 @@ fn a_figure_shows_every_point_and_says_what_it_shows() {
     // Each point above, each fitted one once more as a residual, and two signs in the legend.
     let points = green.profile.points.len() + green.fit.residuals.len() + 2;
     assert_eq!(circles.count(), points);
+    // The pointer finds the numbers of each: of the first point, and of the first residual.
+    let titles: Vec<String> = (document.descendants())
+        .filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", "title")))
+        .map(text_of)
+        .collect();
+    assert_eq!(titles.len(), 1 + points - 2);
+    let first = &green.profile.points[0];
+    let value = report::uncertain(first.reflectance_per_mm2, first.u_reflectance_per_mm2);
+    let radius = report::significant(first.radius_mm, 4);
+    assert!(
+        titles.contains(&format!("r = {radius} mm: {value} mm⁻²")),
+        "{titles:?}"
+    );
+    let first = &green.fit.residuals[0];
+    let z = (first.measured_per_mm2 - first.model_per_mm2) / first.u_per_mm2;
+    let radius = report::significant(first.radius_mm, 4);
+    assert!(
+        titles.contains(&format!("r = {radius} mm: {z:+.2} u")),
+        "{titles:?}"
+    );
     for wanted in [
         "Marble · G",
         "distance from the beam r (mm)",
