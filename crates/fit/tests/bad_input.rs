@@ -38,16 +38,21 @@ fn profile() -> RadialProfile {
     }
 }
 
-fn run_with(profile: &RadialProfile, options: &FitOptions) -> Result<Fit, FitError> {
+/// The total of what [`profile`] is one of.
+fn total() -> TotalReflectance {
     let dipole = Dipole::new(&MARBLE, DiffuseFresnel::Exact);
-    let total = TotalReflectance {
+    TotalReflectance {
         channel: "G".to_owned(),
         total_reflectance: dipole.total_reflectance(),
         u_total_reflectance: 0.002,
         radius_max_mm: None,
         u_scale_relative: 0.0,
         u_offset_per_mm2: 0.0,
-    };
+    }
+}
+
+fn run_with(profile: &RadialProfile, options: &FitOptions) -> Result<Fit, FitError> {
+    let total = total();
     let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
     fit(profile, Some(&total), &model, options)
 }
@@ -145,15 +150,7 @@ fn units_that_make_too_little_light_are_loud() {
 #[test]
 fn a_power_of_ten_between_shape_and_light_is_called_a_unit() {
     let model = DipoleModel::new(1.5, DiffuseFresnel::Exact);
-    let dipole = Dipole::new(&MARBLE, DiffuseFresnel::Exact);
-    let total = TotalReflectance {
-        channel: "G".to_owned(),
-        total_reflectance: dipole.total_reflectance(),
-        u_total_reflectance: 0.002,
-        radius_max_mm: None,
-        u_scale_relative: 0.0,
-        u_offset_per_mm2: 0.0,
-    };
+    let total = total();
     for constraint in [Constraint::Joint, Constraint::Exact] {
         let options = FitOptions {
             constraint,

@@ -1,7 +1,7 @@
 //! Homogeneous media of Mitsuba 3, written and read.
 
 use crate::csv_table::number;
-use crate::export::{Band, Bands, Header, Shade, triple, xml_comment};
+use crate::export::{Band, Bands, Header, Shade, bare_row, spectrum, triple, xml_comment};
 use physics::{Material, ReducedMedium};
 use roxmltree::{Document, Node};
 use thiserror::Error;
@@ -33,8 +33,8 @@ pub fn write(header: &Header, shades: &[Shade]) -> String {
             ),
             Bands::Spectrum(bands) => (
                 "spectrum",
-                spectrum(bands, extinction),
-                spectrum(bands, albedo),
+                spectrum(bands, extinction, ":", ", "),
+                spectrum(bands, albedo, ":", ", "),
             ),
         };
         out += &format!("  <!--\n{}  -->\n", xml_comment(&shade.notes, "    "));
@@ -50,14 +50,6 @@ pub fn write(header: &Header, shades: &[Shade]) -> String {
     }
     out += "</scene>\n";
     out
-}
-
-fn spectrum(bands: &[(f64, Band)], pick: impl Fn(&Band) -> f64) -> String {
-    bands
-        .iter()
-        .map(|(wavelength, band)| format!("{}:{}", number(*wavelength), number(pick(band))))
-        .collect::<Vec<_>>()
-        .join(", ")
 }
 
 /// A scene of Mitsuba cannot be used.
@@ -133,24 +125,13 @@ pub fn read(bytes: &[u8], scene_unit_mm: f64) -> Result<Vec<Material>, MitsubaEr
         }
         let per_mm = scale / scene_unit_mm;
         let name = id.strip_suffix("_medium").unwrap_or(&id);
-        for (((channel, wavelength_nm), t), (_, albedo)) in sigma_t.into_iter().zip(albedo) {
-            rows.push(Material {
-                material: name.to_owned(),
-                channel,
-                wavelength_nm,
-                medium: ReducedMedium {
-                    sigma_a: t * (1.0 - albedo) * per_mm,
-                    sigma_s_prime: t * albedo * per_mm * (1.0 - g),
-                    eta,
-                },
-                u_sigma_a_per_mm: None,
-                u_sigma_s_prime_per_mm: None,
-                correlation: None,
-                total_reflectance: None,
-                g: Some(g).filter(|g| *g != 0.0),
-                model: String::new(),
-                source: "mitsuba".to_owned(),
-            });
+        for ((key, t), (_, albedo)) in sigma_t.into_iter().zip(albedo) {
+            let medium = ReducedMedium {
+                sigma_a: t * (1.0 - albedo) * per_mm,
+                sigma_s_prime: t * albedo * per_mm * (1.0 - g),
+                eta,
+            };
+            rows.push(bare_row(name, key, medium, g, "mitsuba"));
         }
     }
     Ok(rows)

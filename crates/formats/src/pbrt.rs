@@ -1,7 +1,7 @@
 //! Materials of pbrt-v4: subsurface materials and media, written and read.
 
 use crate::csv_table::number;
-use crate::export::{Band, Bands, Header, Shade, triple};
+use crate::export::{Bands, Header, Shade, bare_row, spectrum, triple};
 use physics::{Material, ReducedMedium};
 use thiserror::Error;
 
@@ -25,8 +25,8 @@ pub fn write(header: &Header, shades: &[Shade]) -> String {
             ),
             Bands::Spectrum(bands) => (
                 "spectrum",
-                spectrum(bands, |b| b.sigma_a_per_mm),
-                spectrum(bands, |b| b.sigma_s_prime_per_mm),
+                spectrum(bands, |b| b.sigma_a_per_mm, " ", " "),
+                spectrum(bands, |b| b.sigma_s_prime_per_mm, " ", " "),
             ),
         };
         let (name, eta, scale) = (&shade.name, number(shade.eta), number(header.scene_unit_mm));
@@ -46,14 +46,6 @@ pub fn write(header: &Header, shades: &[Shade]) -> String {
         );
     }
     out
-}
-
-fn spectrum(bands: &[(f64, Band)], pick: impl Fn(&Band) -> f64) -> String {
-    bands
-        .iter()
-        .map(|(wavelength, band)| format!("{} {}", number(*wavelength), number(pick(band))))
-        .collect::<Vec<_>>()
-        .join(" ")
 }
 
 /// A scene of pbrt cannot be used.
@@ -331,22 +323,13 @@ fn bands(
     }
     let (g, eta) = (single("g", 0.0)?, single("eta", DEFAULT_ETA)?);
     let per_mm = single("scale", 1.0)? / scene_unit_mm;
-    let row = |(a, s): (Sample, Sample)| Material {
-        material: name.to_owned(),
-        channel: a.channel,
-        wavelength_nm: a.wavelength_nm,
-        medium: ReducedMedium {
+    let row = |(a, s): (Sample, Sample)| {
+        let medium = ReducedMedium {
             sigma_a: a.value * per_mm,
             sigma_s_prime: s.value * per_mm * (1.0 - g),
             eta,
-        },
-        u_sigma_a_per_mm: None,
-        u_sigma_s_prime_per_mm: None,
-        correlation: None,
-        total_reflectance: None,
-        g: Some(g).filter(|g| *g != 0.0),
-        model: String::new(),
-        source: "pbrt".to_owned(),
+        };
+        bare_row(name, (a.channel, a.wavelength_nm), medium, g, "pbrt")
     };
     Ok(absorbed.into_iter().zip(scattered).map(row).collect())
 }

@@ -20,19 +20,12 @@ pub fn write(header: &Header, media: &[OpticalProperties]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::header;
+    use super::super::tests::{header, milk};
     use super::*;
 
     #[test]
     fn media_stand_behind_the_outside() {
-        let milk = OpticalProperties {
-            name: "milk G".into(),
-            sigma_a_per_mm: 0.25,
-            sigma_s_per_mm: 8.0,
-            g: 0.75,
-            eta: 1.3,
-        };
-        let text = write(&header(), &[milk]);
+        let text = write(&header(), &[milk()]);
         let found: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(found["Domain"]["LengthUnit"], 10.0);
         assert_eq!(found["Domain"]["Media"][0]["n"], 1.0);

@@ -23,6 +23,8 @@ pub mod openpbr;
 pub mod renderman;
 pub mod vts;
 
+use physics::{Material, ReducedMedium};
+
 /// What stands at the head of a written file, one sentence a line, whatever a comment looks like
 /// there.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,6 +139,44 @@ impl Shade {
     }
 }
 
+/// Wavelengths and numbers of a spectrum, `joint` between the two, `between` after each.
+pub(crate) fn spectrum(
+    bands: &[(f64, Band)],
+    pick: impl Fn(&Band) -> f64,
+    joint: &str,
+    between: &str,
+) -> String {
+    let number = crate::csv_table::number;
+    bands
+        .iter()
+        .map(|(wavelength, band)| format!("{}{joint}{}", number(*wavelength), number(pick(band))))
+        .collect::<Vec<_>>()
+        .join(between)
+}
+
+/// A row of which a scene says no more than `medium` and `g`; a g of 0 is as good as none.
+pub(crate) fn bare_row(
+    material: &str,
+    (channel, wavelength_nm): (String, Option<f64>),
+    medium: ReducedMedium,
+    g: f64,
+    source: &str,
+) -> Material {
+    Material {
+        material: material.to_owned(),
+        channel,
+        wavelength_nm,
+        medium,
+        u_sigma_a_per_mm: None,
+        u_sigma_s_prime_per_mm: None,
+        correlation: None,
+        total_reflectance: None,
+        g: Some(g).filter(|g| *g != 0.0),
+        model: String::new(),
+        source: source.to_owned(),
+    }
+}
+
 /// Lines of a comment in XML, which may not hold two hyphens.
 pub(crate) fn xml_comment(lines: &[String], indent: &str) -> String {
     lines
@@ -178,6 +218,16 @@ pub(crate) mod tests {
                 band(0.5, 1.5, Some(2.0)),
                 band(0.0, 4.0, None),
             ])),
+        }
+    }
+
+    pub(crate) fn milk() -> OpticalProperties {
+        OpticalProperties {
+            name: "milk G".into(),
+            sigma_a_per_mm: 0.25,
+            sigma_s_per_mm: 8.0,
+            g: 0.75,
+            eta: 1.3,
         }
     }
 

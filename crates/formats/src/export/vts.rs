@@ -42,19 +42,12 @@ pub fn write(header: &Header, media: &[OpticalProperties]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::header;
+    use super::super::tests::{header, milk};
     use super::*;
 
     #[test]
     fn scattering_is_not_reduced() {
-        let milk = OpticalProperties {
-            name: "milk G".into(),
-            sigma_a_per_mm: 0.25,
-            sigma_s_per_mm: 8.0,
-            g: 0.75,
-            eta: 1.3,
-        };
-        let found: Value = serde_json::from_str(&write(&header(), &[milk])).unwrap();
+        let found: Value = serde_json::from_str(&write(&header(), &[milk()])).unwrap();
         let expected = json!({ "Mua": 0.25, "Mus": 8.0, "G": 0.75, "N": 1.3 });
         assert_eq!(
             found["Tissues"][0]["TissueInput"]["Regions"][1]["RegionOP"],
