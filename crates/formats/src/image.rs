@@ -204,13 +204,29 @@ pub enum ImageError {
     },
     /// The TIFF decoder or encoder gave up.
     #[error("TIFF: {0}")]
-    Tiff(#[from] ::tiff::TiffError),
+    Tiff(::tiff::TiffError),
+    /// The file ends before what it speaks of.
+    #[error(
+        "{0}: the file ends before what its header speaks of: it is cut short or damaged: copy it anew"
+    )]
+    CutShort(&'static str),
     /// The PNG decoder gave up.
     #[error("PNG: {0}")]
     PngDecoding(#[from] ::png::DecodingError),
     /// The PNG encoder gave up.
     #[error("PNG: {0}")]
     PngEncoding(#[from] ::png::EncodingError),
+}
+
+impl From<::tiff::TiffError> for ImageError {
+    fn from(error: ::tiff::TiffError) -> Self {
+        match error {
+            ::tiff::TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+                Self::CutShort("TIFF")
+            }
+            other => Self::Tiff(other),
+        }
+    }
 }
 
 /// Why a file, though in order, is no frame of counts.

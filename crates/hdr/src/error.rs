@@ -14,7 +14,7 @@ pub enum MergeError {
     Channels(usize),
     /// A frame is of another size than the first.
     #[error(
-        "frame is {} x {} with {} channels, expected {} x {} with {}",
+        "frame is {} x {} with {} channels, expected {} x {} with {} as the first: leave it out, or save all alike",
         found.0, found.1, found.2, expected.0, expected.1, expected.2
     )]
     Size {

@@ -13,7 +13,21 @@ use tempfile::TempDir;
 ///
 /// The error names the file.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).input(path.display())
+    there(fs::read(path), path)
+}
+
+/// What came of opening `path`, with what to do where nothing is there.
+fn there<T>(opened: std::io::Result<T>, path: &Path) -> Result<T> {
+    opened.map_err(|e| match e.kind() {
+        ErrorKind::NotFound => Error::new(
+            Kind::Input,
+            format!(
+                "{}: No such file: correct the name; names in a manifest or a scene count from its own folder",
+                path.display()
+            ),
+        ),
+        _ => Error::new(Kind::Input, format!("{}: {e}", path.display())),
+    })
 }
 
 /// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
@@ -27,7 +41,7 @@ const PIECE: usize = 1 << 17;
 /// The error names the file.
 pub(crate) fn read_into(path: &Path, mut words: Vec<u16>) -> Result<(FileWords, blake3::Hash)> {
     words.clear();
-    let mut file = File::open(path).input(path.display())?;
+    let mut file = there(File::open(path), path)?;
     let length = file.metadata().input(path.display())?.len();
     words.reserve_exact(usize::try_from(length).unwrap_or(0).div_ceil(2));
     let mut total = 0;
@@ -75,7 +89,7 @@ pub(crate) fn read_into(path: &Path, mut words: Vec<u16>) -> Result<(FileWords, 
 ///
 /// The error names the file.
 pub fn open(path: &Path) -> Result<BufReader<File>> {
-    Ok(BufReader::new(File::open(path).input(path.display())?))
+    Ok(BufReader::new(there(File::open(path), path)?))
 }
 
 /// The text of a file.
