@@ -195,3 +195,25 @@ fn real_files_are_read_or_refused_with_their_reason() {
     let error = read("exif.png").unwrap_err();
     assert!(error.to_string().contains("CRC"), "{error}");
 }
+
+#[test]
+fn every_fixture_says_the_same_however_much_is_read() {
+    let mut stated = 0;
+    for entry in fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        if !path.is_file() {
+            continue;
+        }
+        let bytes = fs::read(&path).unwrap();
+        // Whatever is cut off counts as absent, either way.
+        for tenth in 0..=10 {
+            let part = &bytes[..bytes.len() * tenth / 10];
+            let found = Metadata::of_file(&mut std::io::Cursor::new(part)).unwrap();
+            assert_eq!(found, Metadata::read(part), "{} {tenth}", path.display());
+            if tenth == 10 {
+                stated += found.exposures.len();
+            }
+        }
+    }
+    assert!(stated > 3, "{stated}");
+}
