@@ -378,3 +378,59 @@ pub fn compare_pictures(
     let files = names.iter().map(|name| folder.join(name)).collect();
     Ok((found, Some(Drawn { full, files })))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::ChannelMap;
+
+    fn map(value: impl Fn(usize) -> f32) -> RadianceMap {
+        RadianceMap {
+            width: 8,
+            height: 8,
+            channels: vec![ChannelMap {
+                name: "Y".into(),
+                value: (0..64).map(value).collect(),
+                variance: vec![0.01; 64],
+            }],
+            mosaic: None,
+        }
+    }
+
+    /// Rings about the light: what is brighter in one of them alone is found there.
+    #[test]
+    fn rings_are_about_the_light() {
+        let spot = |i: usize| if i == 8 * 3 + 5 { 1.0 } else { 0.0 };
+        let b = map(spot);
+        assert_eq!(center(&b), [5.5, 3.5]);
+        let a = map(|i| spot(i) + if i == 8 * 5 + 7 { 0.5 } else { 0.0 });
+        let found = rings(&a, &b, [5.5, 3.5], Some(0.1));
+        let off: Vec<_> = found.iter().filter(|r| r.mean[0] != r.mean[1]).collect();
+        let [ring] = off[..] else { panic!("{found:?}") };
+        // √(2² + 2²) pixels away, which is no last ring.
+        assert!(ring.radius_px[0] <= 8.0_f64.sqrt() && 8.0_f64.sqrt() <= ring.radius_px[1]);
+        let pixels = 0.5 / (ring.mean[0] - ring.mean[1]);
+        let z = 0.5 / (pixels * 0.02).sqrt();
+        assert!((ring.z.unwrap() / z - 1.0).abs() < 1e-3, "{ring:?}");
+        assert!((ring.radius_mm.unwrap()[1] - 0.1 * ring.radius_px[1]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn differences_are_what_they_say() {
+        let a = map(|_| 2.2);
+        let b = map(|i| if i % 2 == 0 { 1.8 } else { 2.2 });
+        let found = &differences(&a, &b)[0];
+        // Half of the pixels are off by 0.4: √0.08, over a mean of 2; noise of 0.02 each.
+        assert!((found.rmse - 0.08_f64.sqrt()).abs() < 1e-6, "{found:?}");
+        assert!((found.relative_rmse - 0.08_f64.sqrt() / 2.0).abs() < 1e-6);
+        assert!((found.relative_beyond_noise - 0.06_f64.sqrt() / 2.0).abs() < 1e-6);
+        assert!((found.chi2_per_pixel.unwrap() - 4.0).abs() < 1e-5);
+        assert!((found.median_relative_by_block.unwrap() - 0.1).abs() < 1e-6);
+        let (frame, full) = difference_frame(&a, &b);
+        assert!((full - 0.4).abs() < 1e-6);
+        // Redder where the first is brighter, gray where they agree.
+        let samples = frame.samples.to_f32();
+        assert_eq!(samples[..3], [65535.0, 0.0, 0.0]);
+        assert_eq!(samples[3..6], [32768.0; 3]);
+    }
+}
