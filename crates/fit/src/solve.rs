@@ -10,6 +10,10 @@ use physics::Coefficients;
 const SCAN: usize = 17;
 /// Points of the scan in absorption where no total ties it to λ.
 const SCAN_ABSORPTION: usize = 16;
+/// How often the steps of that scan are halved about the best.
+const HALVINGS: usize = 4;
+/// Places of that scan from which to descend.
+const DESCENDED: usize = 8;
 /// How far from the minimum a search may end, in λ or relative in τ. The last step is taken unseen.
 const CLOSE: f64 = 1e-9;
 /// The same on the coarse data, which only tell where to begin.
@@ -325,41 +329,60 @@ fn scan_constraint(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     starts
 }
 
-/// The best absorption at every λ of a scan over both coordinates, best first.
+/// The best absorption at the best λ of a scan over both coordinates.
+///
+/// In media nearly black the valley is narrower than the scan's steps, and what stands beside it
+/// may descend into another one: so absorption is then sought between the neighbours of the best.
 fn scan_plane(problem: &mut Problem, budget: &mut Budget) -> Vec<Start> {
     let (low, high) = problem.lambda_bounds();
     let best_scale = problem.data.options.u_scale_relative > 0.0;
-    let mut starts: Vec<Start> = Vec::with_capacity(SCAN);
-    for i in 0..SCAN {
-        let lambda = low + (high - low) * i as f64 / (SCAN - 1) as f64;
-        let mut best: Option<Start> = None;
-        for j in 1..=SCAN_ABSORPTION {
-            // σₜᵣ/σₜ′ from 0.002 to 1.72, denser toward 0: α′ from 0.999999 to 0.01.
-            let k = 1.72 * (j as f64 / SCAN_ABSORPTION as f64).powf(2.5);
-            let point = Point::at(lambda);
-            let point = point.with_sigma_tr(k * point.sigma_t_prime, problem.epsilon);
-            budget.spend();
-            let coarse = problem.coarse(point);
-            let chi2 = if best_scale {
-                coarse.at_best_scale(problem.data.options.u_scale_relative)
-            } else {
-                coarse.chi2
-            };
-            if best.is_none_or(|b| chi2 < b.chi2) {
-                best = Some(Start {
-                    point,
-                    lambda,
-                    low,
-                    high,
-                    chi2,
-                });
+    let mut at = |lambda: f64, j: f64| {
+        // σₜᵣ/σₜ′ from 0.002 to 1.72, denser toward 0: α′ from 0.999999 to 0.01.
+        let k = 1.72 * (j / SCAN_ABSORPTION as f64).powf(2.5);
+        let point = Point::at(lambda);
+        let point = point.with_sigma_tr(k * point.sigma_t_prime, problem.epsilon);
+        budget.spend();
+        let coarse = problem.coarse(point);
+        let chi2 = if best_scale {
+            coarse.at_best_scale(problem.data.options.u_scale_relative)
+        } else {
+            coarse.chi2
+        };
+        let start = Start {
+            point,
+            lambda,
+            low,
+            high,
+            chi2,
+        };
+        (j, start)
+    };
+    let better = |a: &(f64, Start), b: &(f64, Start)| a.1.chi2.total_cmp(&b.1.chi2);
+    let mut best: Vec<(f64, Start)> = (0..SCAN)
+        .filter_map(|i| {
+            let lambda = low + (high - low) * i as f64 / (SCAN - 1) as f64;
+            let scanned = (1..=SCAN_ABSORPTION).map(|j| at(lambda, j as f64));
+            scanned.min_by(better)
+        })
+        .collect();
+    best.sort_by(better);
+    best.truncate(DESCENDED);
+    for best in &mut best {
+        let mut step = 0.5;
+        for _ in 0..HALVINGS {
+            for side in [-step, step] {
+                let beside = best.0 + side;
+                if beside < SCAN_ABSORPTION as f64 {
+                    let beside = at(best.1.lambda, beside);
+                    if better(&beside, best).is_lt() {
+                        *best = beside;
+                    }
+                }
             }
+            step *= 0.5;
         }
-        starts.extend(best);
     }
-    starts.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    starts.truncate(8);
-    starts
+    best.into_iter().map(|(_, start)| start).collect()
 }
 
 /// The minimum along the constraint: the zero of the gradient in λ inside the bracket.

@@ -122,10 +122,18 @@ fn no_failure_on_a_thousand_random_materials() {
 
 /// A medium so fine that its light has died out at most radii: χ² along the constraint is a narrow
 /// valley between a plateau, where the model returns nothing, and a wall of ten powers of ten.
+/// Without the constraint a black medium has a second valley, of greyer media at a quarter of the
+/// light, and its own is the narrower.
 #[test]
 fn a_valley_narrower_than_the_scan_is_found() {
-    // What once ended at the scan's lower bound, then what is finer still.
-    for (sigma_a, sigma_s_prime) in [(17.148, 2.5157), (15.5616, 3.3015), (20.0, 4.0)] {
+    for (constraint, sigma_a, sigma_s_prime) in [
+        // What once ended at the scan's lower bound, then what is finer still.
+        (Constraint::Exact, 17.148, 2.5157),
+        (Constraint::Exact, 15.5616, 3.3015),
+        (Constraint::Exact, 20.0, 4.0),
+        // What once ended in the second valley.
+        (Constraint::None, 3.820_923_9, 0.768_886_44),
+    ] {
         let medium = ReducedMedium {
             sigma_a,
             sigma_s_prime,
@@ -156,7 +164,11 @@ fn a_valley_narrower_than_the_scan_is_found() {
             u_offset_per_mm2: 0.0,
         };
         let options = FitOptions {
-            constraint: Constraint::Exact,
+            constraint,
+            u_scale_relative: match constraint {
+                Constraint::None => 0.01,
+                _ => 0.0,
+            },
             range_mm: Some((0.3, 20.0)),
             ..FitOptions::default()
         };
