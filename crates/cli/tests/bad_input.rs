@@ -74,7 +74,20 @@ fn a_missing_file() {
     let folder = tempfile::tempdir().unwrap();
     let nothing = ["measure", "nothing.toml", "-o", "result"];
     refused(folder.path(), &nothing, 3, &["nothing.toml"]);
+    let nowhere = ["init", "nowhere"];
+    refused(folder.path(), &nowhere, 3, &["nowhere", "no such folder"]);
     copy_capture(folder.path());
+    fs::write(folder.path().join("noise"), [0x17, 0xb6, 0x75]).unwrap();
+    let words = ["noise: ", "text in UTF-8 is expected"];
+    refused(
+        folder.path(),
+        &["measure", "noise", "-o", "result"],
+        3,
+        &words,
+    );
+    let itself = ["measure", ".", "-o", "result"];
+    let its_manifest = ["a folder, where a file is expected", "./capture.toml"];
+    refused(folder.path(), &itself, 3, &its_manifest);
     fs::remove_file(folder.path().join("sample/dark_03.tif")).unwrap();
     let measure = ["measure", "capture.toml", "-o", "result"];
     refused(
@@ -501,12 +514,15 @@ fn wrong_usage() {
         2,
         &["dipole", "does not use g"],
     );
-    refused(
-        path,
-        &["fit", "profile.csv", "--eta", "15"],
-        3,
-        &["eta", "15"],
-    );
+    // Half an index would be a bubble: no such sample, and no transport to judge it by.
+    for eta in ["0", "0.5", "15", "nan"] {
+        refused(
+            path,
+            &["fit", "profile.csv", "--eta", eta],
+            2,
+            &["eta must be a relative refractive index from 1 to 5"],
+        );
+    }
 }
 
 /// One exposure alone does not show how the noise grows with the light.

@@ -53,7 +53,7 @@ impl Expected {
 #[non_exhaustive]
 pub enum CsvError {
     /// The text is no table, or cannot be read or written.
-    #[error("not a readable table: {0}; expected comma-separated text in UTF-8")]
+    #[error("not a readable table; expected comma-separated text in UTF-8")]
     Csv(#[from] csv::Error),
     /// Writing failed.
     #[error("the table cannot be written: {0}")]
@@ -68,14 +68,17 @@ pub enum CsvError {
     },
     /// A column that nobody knows.
     #[error(
-        "line 1: unknown column `{column}`{}: rename or remove it",
-        nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
+        "line 1: unknown column `{column}`{}; known here: {}: rename or remove it",
+        nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default(),
+        known.join(", ")
     )]
     UnknownColumn {
         /// The name found.
         column: String,
         /// The known name next to it, where one is near.
         nearest: Option<&'static str>,
+        /// Every column that is known in this table.
+        known: Vec<&'static str>,
     },
     /// One column twice.
     #[error("line 1: column `{0}` occurs twice: remove one")]
@@ -290,6 +293,7 @@ pub(crate) fn read(input: impl Read, columns: &'static [Column]) -> Result<Vec<R
             .ok_or_else(|| CsvError::UnknownColumn {
                 column: name.to_owned(),
                 nearest: nearest(name, columns.iter().map(|c| c.name)),
+                known: columns.iter().map(|c| c.name).collect(),
             })?;
         per_cm[known] = columns[known].name != name;
         if position[known].replace(at).is_some() {
@@ -381,7 +385,8 @@ mod tests {
             ),
             (
                 "name,length_cm\na,1\n",
-                "line 1: unknown column `length_cm`, did you mean `length_mm`?: rename or remove it",
+                "line 1: unknown column `length_cm`, did you mean `length_mm`?; known here: \
+                 name, length_mm: rename or remove it",
             ),
             (
                 "name,name\na,b\n",

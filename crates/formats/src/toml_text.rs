@@ -25,7 +25,7 @@ pub enum TomlError {
         known: Vec<String>,
     },
     /// Not TOML, a missing key, or a value of another type; the message shows the line.
-    #[error(transparent)]
+    #[error("{}", .0.to_string().trim_end())]
     Text(#[from] toml::de::Error),
 }
 

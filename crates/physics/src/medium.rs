@@ -1,6 +1,10 @@
 //! Media: as a photon meets them, and as diffusion theory sees them.
 
+use std::ops::RangeInclusive;
 use thiserror::Error;
+
+/// Relative refractive indices that a sample can have, as it lies there to be measured.
+pub const SAMPLE_INDEX: RangeInclusive<f64> = 1.0..=5.0;
 
 /// A homogeneous medium, as a photon meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,8 +26,23 @@ fn there<T>(opened: std::io::Result<T>, path: &Path) -> Result<T> {
                 path.display()
             ),
         ),
+        ErrorKind::IsADirectory => a_folder(path),
         _ => Error::new(Kind::Input, format!("{}: {e}", path.display())),
     })
+}
+
+fn a_folder(path: &Path) -> Error {
+    let inside = path.join("capture.toml");
+    let hint = if inside.is_file() {
+        format!("name its manifest, {}", inside.display())
+    } else {
+        "name a file in it".to_owned()
+    };
+    let found = format!(
+        "{}: a folder, where a file is expected: {hint}",
+        path.display()
+    );
+    Error::new(Kind::Input, found)
 }
 
 /// Bytes that are read and hashed in one go: they stay in the cache from the one to the other, and
@@ -98,7 +113,14 @@ pub fn open(path: &Path) -> Result<BufReader<File>> {
 ///
 /// The error names the file.
 pub fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read(path)?).input(path.display())
+    String::from_utf8(read(path)?).map_err(|e| {
+        let found = format!(
+            "{}: {}, where text in UTF-8 is expected: name another file, or save it as UTF-8",
+            path.display(),
+            e.utf8_error()
+        );
+        Error::new(Kind::Input, found)
+    })
 }
 
 /// Files on their way into a folder: all of them arrive, or none.

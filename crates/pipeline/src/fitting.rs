@@ -8,6 +8,7 @@ use fit::{
     ManyFits, Profiles, Warning,
 };
 use physics::footprint::Beam;
+use physics::medium::SAMPLE_INDEX;
 use physics::{
     Blur, Coefficients, Footprints, ForwardModel, Material, ProfilePoint, RadialProfile,
     TotalReflectance, fresnel,
@@ -161,9 +162,28 @@ impl Given {
     ///
     /// # Errors
     ///
-    /// The model is unknown, or lacks what it needs.
+    /// The model is unknown, or lacks what it needs; or no sample has this index.
     pub fn model(&self) -> Result<Box<dyn ForwardModel>> {
+        self.check_index()?;
         library::model(&self.model, self.eta)
+    }
+
+    /// Refuses an index that no sample has.
+    ///
+    /// # Errors
+    ///
+    /// It says what is expected.
+    pub fn check_index(&self) -> Result<()> {
+        if SAMPLE_INDEX.contains(&self.eta) {
+            return Ok(());
+        }
+        let message = format!(
+            "eta must be a relative refractive index from {} to {}, as 1.3 for a wet tissue, got {}",
+            SAMPLE_INDEX.start(),
+            SAMPLE_INDEX.end(),
+            self.eta
+        );
+        Err(Error::new(Kind::Usage, message))
     }
 
     /// Transport at every g that the medium may have, where the model's discrepancy takes part.
@@ -454,6 +474,7 @@ fn fit_with_lines(
     given: &Given,
     shared: &Shared,
 ) -> Result<Fit> {
+    given.check_index()?;
     let u_scale_relative = given.u_scale(scale);
     // What a number that is none does to a footprint is nobody's question.
     fit::check(profile, total, &given.options(u_scale_relative))?;

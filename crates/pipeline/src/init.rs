@@ -85,6 +85,13 @@ fn collect(
 ) -> Result<()> {
     let place = folder.join(below);
     let blame = |e: std::io::Error| Error::new(Kind::Input, format!("{}: {e}", place.display()));
+    if !place.is_dir() {
+        let found = format!(
+            "{}: no such folder: name that of the frames",
+            place.display()
+        );
+        return Err(Error::new(Kind::Input, found));
+    }
     for entry in fs::read_dir(&place).map_err(blame)? {
         let entry = entry.map_err(blame)?;
         let name = entry.file_name().to_string_lossy().into_owned();

@@ -77,6 +77,7 @@ pub(crate) fn run(args: &FitArgs, common: Common, out: &mut impl Write) -> Resul
         pixel_mm: args.mm_per_pixel,
         ..Given::of(model, args.eta)
     };
+    given.check_index()?;
     // The beam of each profile, or the radii that do without one.
     let told: Vec<(Beam, Option<(f64, f64)>)> = profiles
         .iter()

@@ -6,6 +6,7 @@ use super::{
     Sample,
 };
 use crate::toml_text::{TomlError, parse_toml};
+use physics::medium::SAMPLE_INDEX;
 use std::collections::BTreeMap;
 use std::ops::{Bound, RangeBounds};
 use thiserror::Error;
@@ -274,7 +275,7 @@ impl Capture<Frames> {
                 field: "material".to_owned(),
             });
         }
-        within("eta", Some(self.eta), 1.0..=5.0, INDEX)?;
+        within("eta", Some(self.eta), SAMPLE_INDEX, INDEX)?;
         within("u_eta", self.u_eta, 0.0.., U)?;
         let length = "a length above 0 mm: what one pixel sees of the sample";
         for side in geometry.mm_per_pixel.into_iter().flat_map(PixelSize::sides) {
@@ -375,7 +376,7 @@ impl Capture<Frames> {
             0.0..1.0,
             spread,
         )?;
-        within("reference.eta", reference.eta, 1.0..=5.0, INDEX)?;
+        within("reference.eta", reference.eta, SAMPLE_INDEX, INDEX)?;
         let scattering = "a coefficient above 0 mm^-1";
         let white = reference.sigma_s_prime_per_mm.as_ref();
         for value in white.map_or(&[][..], PerChannel::values) {
