@@ -12,7 +12,7 @@ mod pnm;
 mod tiff;
 mod undeveloped;
 
-pub use self::png::encode_png;
+pub use self::png::{encode_indexed_png, encode_png};
 pub use self::tiff::encode_tiff;
 
 use physics::{Counts, Frame, Mosaic, Samples};

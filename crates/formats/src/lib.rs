@@ -53,6 +53,6 @@ pub use csv_table::{CsvError, Expected};
 pub use exr::{ExrError, RadianceFile, read_radiance, write_radiance};
 pub use image::{
     Decoded, Depth, FileWords, ImageError, decode_frame, decode_frame_into, decode_frame_of,
-    encode_png, encode_tiff,
+    encode_indexed_png, encode_png, encode_tiff,
 };
 pub use toml_text::{TomlError, parse_toml};

@@ -697,7 +697,61 @@ pub fn left_out(subject: Subject, channel: &str, rejected: u64, unmeasured: u64)
     })
 }
 
-/// What was dropped in a merge, in sentences.
+/// What a frame gave to a merge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameUse {
+    /// Of which picture.
+    pub subject: Subject,
+    /// Its exposure, s.
+    pub exposure_s: f64,
+    /// Names of the channels, with the shares of their pixels that were used, and that were left out
+    /// as saturated or beside what is.
+    pub channels: Vec<(String, [f64; 2])>,
+}
+
+impl FrameUse {
+    /// Every frame of a merge.
+    pub fn of(subject: Subject, merged: &Merged) -> Vec<Self> {
+        let names = merged.map.names();
+        let of_frame = |frame: &hdr::merge::FrameReport| {
+            let counts = frame.used.iter().zip(&frame.saturated);
+            let shares = counts.enumerate().map(|(channel, (used, saturated))| {
+                let all = merged.map.pixels(channel) as f64;
+                [used, saturated].map(|n| *n as f64 / all)
+            });
+            let channels = names.iter().map(|name| (*name).to_owned());
+            Self {
+                subject,
+                exposure_s: frame.exposure_s,
+                channels: channels.zip(shares).collect(),
+            }
+        };
+        merged.report.frames.iter().map(of_frame).collect()
+    }
+
+    /// What was left out of it, in a sentence, where anything was.
+    pub fn sentence(&self) -> Option<String> {
+        if self
+            .channels
+            .iter()
+            .all(|(_, [_, saturated])| *saturated == 0.0)
+        {
+            return None;
+        }
+        let shares = self.channels.iter().map(|(name, [_, saturated])| {
+            let percent = 100.0 * saturated;
+            format!("{name} {percent:.2} %")
+        });
+        Some(format!(
+            "{}, {} s: saturated, or beside what is, and left out: {}",
+            self.subject.field(),
+            self.exposure_s,
+            shares.collect::<Vec<_>>().join(", ")
+        ))
+    }
+}
+
+/// What else was dropped in a merge, in sentences.
 pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
     let names = merged.map.names();
     let per_channel = |numbers: &mut dyn Iterator<Item = String>| {
@@ -714,19 +768,6 @@ pub fn merge_lines(subject: Subject, merged: &Merged) -> Vec<String> {
         .iter()
         .map(|note| format!("{what}: {note}"))
         .collect();
-    for frame in &merged.report.frames {
-        if frame.saturated.iter().any(|n| *n > 0) {
-            let shares = &mut frame.saturated.iter().enumerate().map(|(channel, n)| {
-                let percent = 100.0 * *n as f64 / merged.map.pixels(channel) as f64;
-                format!("{percent:.2} %")
-            });
-            lines.push(format!(
-                "{what}, {} s: saturated, or beside what is, and left out: {}",
-                frame.exposure_s,
-                per_channel(shares)
-            ));
-        }
-    }
     let hot = per_channel(&mut merged.report.channels.iter().map(|c| c.hot.to_string()));
     lines.push(format!("{what}: hot pixels masked: {hot}"));
     if merged.report.channels.iter().any(|c| c.dead > 0) {

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// Photons that a confirmation follows.
 pub const PHOTONS: u64 = 1_000_000;
 /// Any would do; the same one every time, so that the same fit is confirmed by the same bytes.
-const SEED: u64 = 6;
+pub(crate) const SEED: u64 = 6;
 /// Paths longer than so many times r²σₜ′ of the picture leave, if at all, far outside it.
 const LONGEST_PATHS: f64 = 10.0;
 /// Rings that too few photons reached say nothing about the model.

@@ -900,6 +900,79 @@ fn widened(beam: &Beam, change: f64) -> Beam {
 ///
 /// The model is unknown.
 pub fn model_curve(profile: &RadialProfile, fit: &Fit, given: &Given) -> Result<Vec<(f64, f64)>> {
+    let values = curve_at(profile, fit, given, fit.coefficients())?;
+    let radii = profile.points.iter().map(|p| p.radius_mm);
+    Ok(radii.zip(values).collect())
+}
+
+/// What the standard uncertainties of both coefficients, with their correlation, leave open of each
+/// point of [`model_curve`], mm⁻².
+///
+/// # Errors
+///
+/// The model is unknown.
+pub fn u_model_curve(profile: &RadialProfile, fit: &Fit, given: &Given) -> Result<Vec<f64>> {
+    let (a, s, rho) = (fit.sigma_a, fit.sigma_s_prime, fit.correlation);
+    // The columns of a root of the covariance: two changes that are independent of each other.
+    let changes = [
+        (a.u, rho * s.u),
+        (0.0, (1.0 - rho * rho).max(0.0).sqrt() * s.u),
+    ];
+    let mut squares = vec![0.0; profile.points.len()];
+    for (of_a, of_s) in changes {
+        let moved = |sign: f64| Coefficients {
+            sigma_a: (a.value + sign * of_a).max(0.0),
+            // A tenth of it is where no fit's u says anything any more.
+            sigma_s_prime: (s.value + sign * of_s).max(0.1 * s.value),
+        };
+        let [up, down] = [1.0, -1.0].map(|sign| curve_at(profile, fit, given, moved(sign)));
+        for (square, (up, down)) in squares.iter_mut().zip(up?.into_iter().zip(down?)) {
+            *square += (0.5 * (up - down)).powi(2);
+        }
+    }
+    Ok(squares.into_iter().map(f64::sqrt).collect())
+}
+
+/// What the transport equation makes of the fitted medium, in the terms of [`model_curve`], with its
+/// mean cosine: the model's, or 0 where that knows none, as [`crate::confirm`] takes it.
+///
+/// `None` where the model is that equation itself, knows of a slab or of an oblique beam, or the
+/// equation's table does not reach.
+///
+/// # Errors
+///
+/// None: the model is known.
+pub fn transport_curve(
+    profile: &RadialProfile,
+    fit: &Fit,
+    given: &Given,
+) -> Result<Option<Vec<(f64, f64)>>> {
+    let model = &given.model;
+    if model.solves_transport() || model.uses_slab() || model.uses_beam() {
+        return Ok(None);
+    }
+    let model = ModelChoice {
+        g: Some(model.g.unwrap_or(0.0)),
+        ..model.called("monte-carlo")
+    };
+    if library::model(&model, given.eta).is_err() {
+        return Ok(None);
+    }
+    let given = Given {
+        model,
+        ..given.clone()
+    };
+    model_curve(profile, fit, &given).map(Some)
+}
+
+/// The model for coefficients `at`, smeared as the profile is, in the profile's terms and with the
+/// fit's scale.
+fn curve_at(
+    profile: &RadialProfile,
+    fit: &Fit,
+    given: &Given,
+    at: Coefficients,
+) -> Result<Vec<f64>> {
     let model = library::model(&given.model, given.eta)?;
     let points: Vec<ProfilePoint> = profile
         .points
@@ -911,13 +984,9 @@ pub fn model_curve(profile: &RadialProfile, fit: &Fit, given: &Given) -> Result<
         .collect();
     let mut values = vec![0.0; points.len()];
     let footprints = Footprints::new(&points, &given.blur());
-    footprints.reflectance(&*model, fit.coefficients(), &mut values);
+    footprints.reflectance(&*model, at, &mut values);
     let factor = given.entry_factor(given.eta) * fit.scale;
-    Ok(points
-        .iter()
-        .zip(values)
-        .map(|(p, v)| (p.radius_mm, factor * v))
-        .collect())
+    Ok(values.into_iter().map(|v| factor * v).collect())
 }
 
 /// The rows that `fits` add to a table of materials, each with what it took as `given`.

@@ -20,6 +20,8 @@
 //! | [`confirm`] | a fit against counted photons |
 //! | [`fit_json`] | `fit.json` |
 //! | [`outputs`] | what a measurement leaves behind |
+//! | `picture` | the merged picture of a channel for its page |
+//! | `swatch` | the measured material, rendered for its page |
 //! | [`batch`] | many captures, and what became of each |
 //! | [`simulation`] | Monte Carlo simulations as files |
 //! | [`tallies`] | the tallies of a simulation as tables |
@@ -60,6 +62,7 @@ pub mod measure;
 pub mod medium;
 pub mod monitor;
 pub mod outputs;
+mod picture;
 mod reading;
 mod regions;
 mod rendered_noise;
@@ -70,6 +73,7 @@ pub mod simulation;
 pub mod sphere;
 pub mod spot;
 pub mod stray;
+mod swatch;
 pub mod synthesis;
 pub mod tallies;
 pub mod unknown_g;

@@ -2,12 +2,12 @@
 
 use crate::beam::{self, ChosenBeam};
 use crate::bootstrap::{self, Bootstrap};
-use crate::capture::{self, Input, Loaded, Merged, Subject, Workspace, exposure_lines};
+use crate::capture::{self, FrameUse, Input, Loaded, Merged, Subject, Workspace, exposure_lines};
 use crate::comparison::{self, Compared};
-use crate::confirm::{Confirmation, confirm};
+use crate::confirm::{self, Confirmation, PHOTONS, confirm};
 use crate::error::{Blame, Error, Kind, Result};
 use crate::exit;
-use crate::fit_json::FitDocument;
+use crate::fit_json::{self, FitDocument};
 use crate::fitting::{self, Given, ScaleInput};
 use crate::geometry;
 use crate::library::{ModelChoice, SlabChoice};
@@ -91,7 +91,9 @@ pub struct Radiance {
     pub curves: Option<(Curves, Vec<f64>)>,
     /// Every file that took part.
     pub inputs: Vec<Input>,
-    /// What was dropped, and where, in sentences.
+    /// What each frame gave.
+    pub frames: Vec<FrameUse>,
+    /// What else was dropped, and where, in sentences.
     pub merge_lines: Vec<String>,
     /// What the manifest left out of the camera and the frames had to say, in sentences.
     pub estimated: Vec<String>,
@@ -193,7 +195,9 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     }
     refuse_other_camera(loaded, &sample, &reference)?;
     let mut merge_lines = loaded.notes.clone();
+    let mut frames = vec![];
     for (subject, merged) in [(Subject::Sample, &sample), (Subject::Reference, &reference)] {
+        frames.extend(FrameUse::of(subject, merged));
         merge_lines.extend(exposure_lines(subject, merged));
         merge_lines.extend(capture::merge_lines(subject, merged));
     }
@@ -293,6 +297,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             (curves, frames.map(|frame| frame.nominal_s).collect())
         }),
         inputs,
+        frames,
         merge_lines,
         estimated,
         view,
@@ -452,6 +457,12 @@ impl Radiance {
         }
         all.retain(|direction| direction.profile.iter().any(|off| *off != 0.0));
         all
+    }
+
+    /// What was dropped, and where, in sentences.
+    pub fn left_out(&self) -> Vec<String> {
+        let frames = self.frames.iter().filter_map(FrameUse::sentence);
+        frames.chain(self.merge_lines.iter().cloned()).collect()
     }
 
     /// The file `radiance.exr`.
@@ -764,7 +775,7 @@ impl Measurement {
             &self.assumptions,
         );
         document
-            .with_left_out(&self.radiance.merge_lines)
+            .with_left_out(&self.radiance.left_out())
             .with_verdicts(&self.verdicts)
             .with_bootstraps(&self.bootstraps)
             .with_warnings(&self.warnings)
@@ -772,6 +783,55 @@ impl Measurement {
             .with_stray_light(&self.radiance.veils)
             .with_confirmations(&self.confirmations)
             .with_models(&self.compared)
+    }
+
+    /// What was chosen and what the chances of it hang on: a name and its value each.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        let given = self.common();
+        let yes = |it: bool| if it { "yes" } else { "no" }.to_owned();
+        let range = match given.range_mm {
+            Some((from, to)) => format!("{from} to {to} mm"),
+            None => "chosen by the fit".to_owned(),
+        };
+        let exit = match given.exit {
+            Exit::Fresnel { angle, .. } => format!("fresnel, at {} degrees", angle.to_degrees()),
+            Exit::Lambert => "lambert".to_owned(),
+        };
+        let mut settings = vec![
+            ("model", given.model.name.clone()),
+            (
+                "g",
+                match (given.model.g, given.fitted_g()) {
+                    (_, Some(_)) => "fitted along".to_owned(),
+                    (Some(g), None) => g.to_string(),
+                    (None, None) => "not used".to_owned(),
+                },
+            ),
+            ("error of the model carried along", yes(given.discrepancy)),
+            (
+                "constraint",
+                fit_json::constraint_name(given.constraint).to_owned(),
+            ),
+            (
+                "scale",
+                if given.free_scale { "free" } else { "known" }.to_owned(),
+            ),
+            ("range", range),
+            ("entry loss", yes(given.entry_loss)),
+            ("exit", exit),
+        ];
+        if self.confirmations.iter().any(Option::is_some) {
+            let said = format!("{PHOTONS}, seed {}", confirm::SEED);
+            settings.push(("photons of the confirmation", said));
+        }
+        if let Some(bootstrap) = self.bootstraps.first() {
+            let said = format!("{}, seed {}", bootstrap.replicas, bootstrap::SEED);
+            settings.push(("bootstrap replicas", said));
+        }
+        let named = settings.into_iter();
+        named
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect()
     }
 
     /// The profile of each channel.

@@ -3,11 +3,15 @@
 use crate::capture::Loaded;
 use crate::error::Result;
 use crate::files::Outputs;
-use crate::fitting::model_curve;
+use crate::fitting::{model_curve, transport_curve, u_model_curve};
 use crate::measure::Measurement;
+use crate::picture::{self, Seen};
+use crate::swatch::swatch;
 use physics::ProfilePoint;
 use physics::footprint::Beam;
-use report::{ChannelReport, CurvePoint, Report, figure_svg, report_html};
+use report::{
+    ChannelReport, CurvePoint, ExposureRow, Report, figure_svg, picture_svg, report_html,
+};
 use std::io::Write;
 use std::path::Path;
 
@@ -22,10 +26,11 @@ const NAMES: [&str; 7] = [
     "report.html",
 ];
 
-fn figure_name(channel: &str) -> String {
+/// Name of the figure of this `kind` of a channel.
+fn figure_name(kind: &str, channel: &str) -> String {
     let safe = |c: char| if c.is_alphanumeric() { c } else { '_' };
     format!(
-        "profile_{}.svg",
+        "{kind}_{}.svg",
         channel.chars().map(safe).collect::<String>()
     )
 }
@@ -37,7 +42,9 @@ fn figure_name(channel: &str) -> String {
 /// One of the files exists and is not to be replaced.
 pub fn open(loaded: &Loaded, folder: &Path, force: bool) -> Result<Outputs> {
     // Before the frames are read nobody knows which channels there are.
-    let figures = ["R", "G", "B", "Y"].map(figure_name);
+    let figures = ["R", "G", "B", "Y"]
+        .into_iter()
+        .flat_map(|channel| ["profile", "picture"].map(|kind| figure_name(kind, channel)));
     let names = NAMES.into_iter().map(str::to_owned).chain(figures);
     Outputs::new(folder, names, &loaded.paths(), force)
 }
@@ -90,18 +97,20 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             };
             c.curve.iter().map(place).collect()
         });
-        let model_curve = model_curve(profile, fit, given)?
-            .into_iter()
-            .map(|(radius_mm, reflectance_per_mm2)| CurvePoint {
+        let points = |curve: Vec<(f64, f64)>| -> Vec<CurvePoint> {
+            let place = |(radius_mm, reflectance_per_mm2)| CurvePoint {
                 radius_mm,
                 reflectance_per_mm2,
-            })
-            .collect();
+            };
+            curve.into_iter().map(place).collect()
+        };
         channels.push(ChannelReport {
             fit,
             profile,
             wavelength_nm: row.wavelength_nm,
-            model_curve,
+            model_curve: points(model_curve(profile, fit, given)?),
+            u_model_per_mm2: u_model_curve(profile, fit, given)?,
+            transport: transport_curve(profile, fit, given)?.map_or(vec![], points),
             total_reflectance: row.total_reflectance.unwrap_or(0.0),
             monte_carlo,
             truth: None,
@@ -121,6 +130,27 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
                 .collect(),
         );
     }
+    let radiance = &measurement.radiance;
+    let pictures = measurement.measured.iter().enumerate();
+    let pictures = pictures.map(|(index, measured)| {
+        let fit = &measurement.fits[index];
+        let seen = Seen {
+            name: fit.channel.clone(),
+            channel: &radiance.map.channel(index),
+            size: (radiance.map.width, radiance.map.height),
+            view: &radiance.view,
+            measured,
+            sectors_deg: &loaded.capture.sample.sectors_deg,
+            range_mm: fit.range_mm,
+        };
+        picture::picture(&seen, measurement.measured.len())
+    });
+    let pictures = pictures.collect::<Result<Vec<_>>>()?;
+    let exposures = radiance.frames.iter().map(|frame| ExposureRow {
+        subject: frame.subject.field().to_owned(),
+        exposure_s: frame.exposure_s,
+        used_and_saturated: frame.channels.iter().map(|(_, shares)| *shares).collect(),
+    });
     let given = measurement.common();
     let page = Report {
         material: &measurement.material,
@@ -136,7 +166,11 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
         confirmation: measurement.confirmation_lines(),
         beam: measurement.beam_lines(),
         merge: measurement.radiance.merge_lines.clone(),
+        exposures: exposures.collect(),
+        pictures,
+        swatch: swatch(&measurement.fits, &measurement.given),
         tool: concat!("beamspot ", env!("CARGO_PKG_VERSION")),
+        settings: measurement.settings(),
         inputs: measurement
             .radiance
             .inputs
@@ -148,8 +182,13 @@ pub fn write(files: Outputs, loaded: &Loaded, measurement: &Measurement) -> Resu
             .collect(),
     };
     for channel in &page.channels {
-        let name = figure_name(&channel.fit.channel);
+        let name = figure_name("profile", &channel.fit.channel);
         let svg = figure_svg(&measurement.material, channel);
+        files.write(name, |out| Ok(out.write_all(svg.as_bytes())?))?;
+    }
+    for picture in &page.pictures {
+        let name = figure_name("picture", &picture.channel);
+        let svg = picture_svg(&measurement.material, picture);
         files.write(name, |out| Ok(out.write_all(svg.as_bytes())?))?;
     }
     files.write("report.html", |out| {

@@ -15,6 +15,7 @@ pub use difference::{
 };
 pub use flip::hdr_flip;
 pub use layers::sheet;
+pub(crate) use outputs::developed;
 pub use outputs::{Outcome, PictureFiles};
 pub use scene::{Loaded, load};
 pub use validation::{MethodLine, Validation, validate};
@@ -245,7 +246,12 @@ fn family(model: BssrdfModel, material: &Material, channel: usize) -> Result<Fam
     Ok(Family::between(&albedos, tables.collect::<Result<_>>()?))
 }
 
-fn bssrdf(scene: &Scene, model: BssrdfModel, sampling: Sampling) -> Result<Bssrdf> {
+/// The shader of a BSSRDF for a scene.
+///
+/// # Errors
+///
+/// As [`BssrdfModel::diffusion`].
+pub(crate) fn bssrdf(scene: &Scene, model: BssrdfModel, sampling: Sampling) -> Result<Bssrdf> {
     let of_object = scene
         .objects
         .iter()

@@ -16,6 +16,12 @@ pub struct ChannelReport<'a> {
     /// The model at the optimum over all radii, by increasing radius, in the terms of the profile:
     /// per incident power, the fitted scale in it.
     pub model_curve: Vec<CurvePoint>,
+    /// What the standard uncertainties of both coefficients, with their correlation, leave open of
+    /// each point of `model_curve`, mm⁻²; empty where it is not known.
+    pub u_model_per_mm2: Vec<f64>,
+    /// The same medium by the transport equation, at the radii of `model_curve` and in its terms;
+    /// empty where the model is that equation, or the equation's table does not reach.
+    pub transport: Vec<CurvePoint>,
     /// The same medium by photon counting, in the same terms; empty where none were counted.
     pub monte_carlo: Vec<CurvePoint>,
     /// The model's total over the whole plane, per power that *enters* the medium.
@@ -181,6 +187,8 @@ mod tests {
             profile: &profile,
             wavelength_nm: None,
             model_curve: vec![],
+            u_model_per_mm2: vec![],
+            transport: vec![],
             total_reflectance: 0.79,
             monte_carlo: vec![],
             truth: None,

@@ -15,17 +15,19 @@ use std::fmt::Write;
 pub(crate) const STYLE: &str = include_str!("figure.css");
 
 const WIDTH: f64 = 720.0;
-const HEIGHT: f64 = 580.0;
+const HEIGHT: f64 = 598.0;
 const LEFT: f64 = 80.0;
 const RIGHT: f64 = 704.0;
 /// Top and bottom of the panel of the profile.
-const PROFILE: (f64, f64) = (58.0, 378.0);
+const PROFILE: (f64, f64) = (76.0, 396.0);
 /// Top and bottom of the panel of the residuals.
-const RESIDUALS: (f64, f64) = (392.0, 526.0);
+const RESIDUALS: (f64, f64) = (410.0, 544.0);
 
 /// The arrow that stands for a value too low to show, from its tail down; and its length.
 const ARROW_PATH: &str = "v9m-2.2 -3.2l2.2 3.2l2.2 -3.2";
 const ARROW: f64 = 9.0;
+/// Lines at 1 u and 2 u nearer to each other than this would be one thick line.
+const LEAST_STEP: f64 = 3.0;
 /// Residuals within this many u share one scale, so that good fits look alike.
 const LEAST_RESIDUAL_SPAN: f64 = 3.5;
 
@@ -33,7 +35,8 @@ const LEAST_RESIDUAL_SPAN: f64 = 3.5;
 ///
 /// Both axes of the upper panel are logarithmic. A point that such an axis cannot hold, being at
 /// or below 0 or under the panel's edge, is drawn as an arrow down from its value + 2 u. What took part
-/// in the fit is filled and stands on a shaded ground; the model is dashed elsewhere.
+/// in the fit is filled and stands on a shaded ground; the model is dashed elsewhere. What transport and
+/// photons make of the same medium lies beside the model.
 ///
 /// The file is complete in itself, and follows the reader's choice of light or dark.
 pub fn figure_svg(material: &str, channel: &ChannelReport) -> String {
@@ -302,39 +305,53 @@ impl<'a> Plot<'a> {
         path
     }
 
-    /// The model, full inside the range and dashed outside, and the photons.
+    /// What the coefficients' u leaves open of the model.
+    fn band(&self) -> String {
+        let curve = &self.channel.model_curve;
+        let edge = |sign: f64| -> Vec<CurvePoint> {
+            let points = curve.iter().zip(&self.channel.u_model_per_mm2);
+            points
+                .map(|(p, u)| CurvePoint {
+                    // Where an edge has no logarithm it goes down with the panel.
+                    reflectance_per_mm2: (p.reflectance_per_mm2 + sign * u)
+                        .max(1e-6 * p.reflectance_per_mm2),
+                    ..*p
+                })
+                .collect()
+        };
+        let (upper, mut lower) = (edge(1.0), edge(-1.0));
+        lower.reverse();
+        let path = self.line(&[upper, lower].concat());
+        if path.matches('M').count() == 1 {
+            path + "Z"
+        } else {
+            String::new()
+        }
+    }
+
+    /// The model, full inside the range and dashed outside, transport and the photons.
     fn model(&self, out: &mut String) {
         let path = self.line(&self.channel.model_curve);
+        let band = self.band();
+        let transport = self.line(&self.channel.transport);
         let (start, end) = self.range();
         let (top, bottom) = PROFILE;
         let photons = self.line(&self.channel.monte_carlo);
         for (from, to, class, path) in [
-            (LEFT, start, "model beyond"),
-            (start, end, "model"),
-            (end, RIGHT, "model beyond"),
-        ]
-        .map(|(from, to, class)| (from, to, class, path.as_str()))
-        .into_iter()
-        .chain([(LEFT, RIGHT, "photons", photons.as_str())])
-        {
-            if to - from < 0.01 || path.is_empty() {
-                continue;
-            }
-            // An inner svg cuts at its edges, and needs no name that another figure on the page
-            // might bear as well.
-            let (width, height) = (to - from, bottom - top);
-            let _ = writeln!(
-                out,
-                "<svg x=\"{from:.2}\" y=\"{top}\" width=\"{width:.2}\" height=\"{height}\" \
-                 viewBox=\"{from:.2} {top} {width:.2} {height}\" overflow=\"hidden\"><path \
-                 class=\"{class}\" d=\"{path}\"/></svg>"
-            );
+            (LEFT, RIGHT, "band", &band),
+            (LEFT, start, "model beyond", &path),
+            (start, end, "model", &path),
+            (end, RIGHT, "model beyond", &path),
+            (LEFT, RIGHT, "photons", &photons),
+            (LEFT, RIGHT, "transport", &transport),
+        ] {
+            cut(out, (from, to), (top, bottom), class, path);
         }
     }
 
     /// What each mark means, for the marks that occur, in a line above the panel.
     fn legend(&self, out: &mut String) {
-        const Y: f64 = 42.0;
+        const ROWS: [f64; 2] = [42.0, 62.0];
         let color = self.channel.color_class();
         let has = |mark| self.placed().any(|(_, p)| self.mark(p) == mark);
         let fitted = !self.channel.fit.residuals.is_empty();
@@ -353,16 +370,6 @@ impl<'a> Plot<'a> {
                 "too low: value + 2 u",
             ),
             (
-                !self.channel.model_curve.is_empty(),
-                "<path class=\"model\" d=\"M0 0h16\"/>".to_owned(),
-                "model",
-            ),
-            (
-                !self.channel.monte_carlo.is_empty(),
-                "<path class=\"photons\" d=\"M0 0h16\"/>".to_owned(),
-                "Monte Carlo",
-            ),
-            (
                 fitted,
                 "<rect class=\"range\" y=\"-6\" width=\"16\" height=\"12\"/><rect \
                  class=\"level\" y=\"-6\" width=\"16\" height=\"12\"/>"
@@ -370,16 +377,42 @@ impl<'a> Plot<'a> {
                 "fitted range",
             ),
         ];
-        let mut x = LEFT;
-        for (_, sign, text) in entries.into_iter().filter(|(occurs, ..)| *occurs) {
-            let _ = writeln!(
-                out,
-                "<g transform=\"translate({x:.2} {Y})\">{sign}<text class=\"quiet\" x=\"22\" \
-                 y=\"4\">{}</text></g>",
-                svg(text)
-            );
-            // Text cannot be measured here: a generous width for each of its characters.
-            x += 40.0 + 6.6 * text.chars().count() as f64;
+        let banded = !self.channel.u_model_per_mm2.is_empty();
+        let lines = [
+            (
+                !self.channel.model_curve.is_empty(),
+                if banded {
+                    "<rect class=\"band\" y=\"-5\" width=\"16\" height=\"10\"/><path \
+                     class=\"model\" d=\"M0 0h16\"/>"
+                } else {
+                    "<path class=\"model\" d=\"M0 0h16\"/>"
+                }
+                .to_owned(),
+                if banded { "model ± u" } else { "model" },
+            ),
+            (
+                !self.channel.transport.is_empty(),
+                "<path class=\"transport\" d=\"M-2 0h20\"/>".to_owned(),
+                "its medium by transport",
+            ),
+            (
+                !self.channel.monte_carlo.is_empty(),
+                "<path class=\"photons\" d=\"M0 0h16\"/>".to_owned(),
+                "by counted photons (Monte Carlo)",
+            ),
+        ];
+        for (y, row) in ROWS.into_iter().zip([&entries[..], &lines[..]]) {
+            let mut x = LEFT;
+            for (_, sign, text) in row.iter().filter(|(occurs, ..)| *occurs) {
+                let _ = writeln!(
+                    out,
+                    "<g transform=\"translate({x:.2} {y})\">{sign}<text class=\"quiet\" x=\"22\" \
+                     y=\"4\">{}</text></g>",
+                    svg(text)
+                );
+                // Text cannot be measured here: a generous width for each of its characters.
+                x += 40.0 + 6.6 * text.chars().count() as f64;
+            }
         }
     }
 
@@ -418,7 +451,11 @@ impl<'a> Plot<'a> {
 
     fn residuals(&self, out: &mut String) {
         let mut levels = String::new();
+        let step = self.residual.place_inside(0.0) - self.residual.place_inside(1.0);
         for (z, class) in [(0.0, "level"), (1.0, "level dashed"), (2.0, "level dashed")] {
+            if z > 0.0 && step < LEAST_STEP {
+                continue;
+            }
             for z in if z == 0.0 { vec![z] } else { vec![-z, z] } {
                 let y = self.residual.place_inside(z);
                 let _ = writeln!(
@@ -434,6 +471,32 @@ impl<'a> Plot<'a> {
             }
         }
         out.push_str("</g>\n");
+        let path = self.transport_residuals();
+        cut(out, (LEFT, RIGHT), RESIDUALS, "transport", &path);
+    }
+
+    /// (transport − model)/u at the fitted points: where data that are right would lie if the model is
+    /// wrong.
+    fn transport_residuals(&self) -> String {
+        let ratios = self.channel.transport.iter().zip(&self.channel.model_curve);
+        let ratios: Vec<(f64, f64)> = ratios
+            .map(|(t, m)| (m.radius_mm, t.reflectance_per_mm2 / m.reflectance_per_mm2))
+            .collect();
+        let mut path = String::new();
+        let mut pen = 'M';
+        for r in &self.channel.fit.residuals {
+            let found = ratios.iter().find(|(radius, _)| *radius == r.radius_mm);
+            let z = found.map(|(_, ratio)| (ratio - 1.0) * r.model_per_mm2 / r.u_per_mm2);
+            let x = self.radius.place(r.radius_mm);
+            match x.zip(z.and_then(|z| self.residual.place(z))) {
+                Some((x, y)) => {
+                    let _ = write!(path, "{pen}{x:.2} {y:.2}");
+                    pen = 'L';
+                }
+                None => pen = 'M',
+            }
+        }
+        path
     }
 
     /// A marker, and what it stands for, which a browser shows where the pointer rests.
@@ -447,6 +510,28 @@ impl<'a> Plot<'a> {
             escaped(number)
         );
     }
+}
+
+/// A path cut at the edges of a part of a panel: from left to right, from top to bottom.
+fn cut(
+    out: &mut String,
+    (from, to): (f64, f64),
+    (top, bottom): (f64, f64),
+    class: &str,
+    path: &str,
+) {
+    if to - from < 0.01 || path.is_empty() {
+        return;
+    }
+    // An inner svg cuts at its edges, and needs no name that another figure on the page might bear
+    // as well.
+    let (width, height) = (to - from, bottom - top);
+    let _ = writeln!(
+        out,
+        "<svg x=\"{from:.2}\" y=\"{top}\" width=\"{width:.2}\" height=\"{height}\" \
+         viewBox=\"{from:.2} {top} {width:.2} {height}\" overflow=\"hidden\"><path \
+         class=\"{class}\" d=\"{path}\"/></svg>"
+    );
 }
 
 /// Radius, mm, and (measured − model)/u of every fitted point that has one.

@@ -2,7 +2,7 @@
 //!
 //! Everything is text made in memory, for the caller to write. What comes out depends on what goes
 //! in and on nothing else: no clock, no host, no path. Figures are plain SVG; the page is one HTML
-//! file without script, and needs no network.
+//! file that needs no network. Its one script enlarges figures; everything is there without it.
 //!
 //! | module | holds |
 //! |---|---|
@@ -14,6 +14,7 @@
 //! | `chart` | [`chart_svg`]: lines in panels |
 //! | `figure` | [`figure_svg`]: profile, fit and residuals |
 //! | `preview` | [`preview_text`]: profile and fit on a terminal |
+//! | `picture` | [`picture_svg`]: the merged picture in false colours |
 //! | `page` | [`Report`] and [`report_html`] |
 //! | `batch` | [`batch_html`]: many measurements, and what became of each |
 //! | `validation` | [`validation_html`]: a scene under several methods |
@@ -26,6 +27,7 @@ mod figure;
 mod markup;
 mod number;
 mod page;
+mod picture;
 mod preview;
 mod table;
 mod validation;
@@ -35,7 +37,8 @@ pub use channel::{ChannelReport, CurvePoint, ModelReport};
 pub use chart::{Chart, Line, Panel, Scale, Stroke, chart_svg};
 pub use figure::figure_svg;
 pub use number::{at_least, at_most, significant, uncertain};
-pub use page::{Input, Report, report_html};
+pub use page::{ExposureRow, Input, Report, Swatch, report_html};
+pub use picture::{Outline, Picture, SHADES, palette, picture_svg, shade};
 pub use preview::preview_text;
 pub use table::text_table;
 pub use validation::{ValidationPage, ValidationRow, validation_html};

@@ -61,6 +61,26 @@ pub(crate) fn sentence(text: &str) -> String {
     html(&symbols)
 }
 
+/// A picture inside a page: the URL that holds the bytes of a PNG.
+pub(crate) fn data_url(png: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut url = String::from("data:image/png;base64,");
+    for three in png.chunks(3) {
+        let bits = (0..3).fold(0, |bits, k| {
+            bits << 8 | u32::from(three.get(k).copied().unwrap_or(0))
+        });
+        for k in 0..4 {
+            let digit = DIGITS[(bits >> (18 - 6 * k) & 63) as usize];
+            url.push(if k > three.len() {
+                '='
+            } else {
+                char::from(digit)
+            });
+        }
+    }
+    url
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum Level {
     Line,
@@ -113,6 +133,22 @@ mod tests {
             "&lt;img src=x onerror=&quot;a(&#39;b&#39;)&quot;&gt;&amp;\u{fffd}\u{fffd} "
         );
         assert_eq!(html("a<b⁻¹"), "a&lt;b<sup>−1</sup>");
+    }
+
+    /// The examples of RFC 4648, section 10.
+    #[test]
+    fn bytes_are_spelled_in_base_64() {
+        for (bytes, expected) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            let url = data_url(bytes.as_bytes());
+            assert_eq!(url, format!("data:image/png;base64,{expected}"));
+        }
+        assert!(data_url(&[0xfb, 0xff]).ends_with("+/8="));
     }
 
     #[test]

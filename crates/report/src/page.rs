@@ -1,13 +1,20 @@
 //! One page that holds a whole measurement.
 
 use crate::channel::{ChannelReport, ModelReport};
-use crate::figure::{self, STYLE, drawing, shown_chi2};
-use crate::markup::{escaped, html, sentence};
+use crate::figure::{STYLE, comparison, drawing, shown_chi2};
+use crate::markup::{data_url, escaped, html, sentence};
 use crate::number::{at_most, exact, fixed, interval, significant, uncertain};
+use crate::picture::{self, Picture};
 use fit::{Constraint, Estimate, Termination};
 use std::fmt::Write;
 
 const PAGE_STYLE: &str = include_str!("page.css");
+/// Enlarges figures; it has neither `<` nor `&`, which would mean one thing to HTML and another to
+/// XML.
+const SCRIPT: &str = include_str!("zoom.js");
+/// SHA-256 of [`SCRIPT`]: the policy of the page lets this script run and no other. A test in Python
+/// computes it anew.
+const SCRIPT_SHA256: &str = "Zwb9n6G818Y0qQipviguqgtCQSzlPDZRAj1YJe7XVEU=";
 
 /// A measurement of one material, as the page shows it.
 ///
@@ -40,12 +47,42 @@ pub struct Report<'a> {
     pub confirmation: Vec<String>,
     /// What the beam and the blur of each channel are, and how they are known; one sentence each.
     pub beam: Vec<String>,
-    /// What became of the frames: used, saturated, masked; one sentence each.
+    /// What else became of the frames, one sentence each.
     pub merge: Vec<String>,
+    /// What each exposure gave.
+    pub exposures: Vec<ExposureRow>,
+    /// The merged picture of each channel; empty where there is none.
+    pub pictures: Vec<Picture>,
+    /// The material as a renderer shows it, or a sentence on why there is no such picture.
+    pub swatch: Result<Swatch, String>,
     /// Name and version of the program.
     pub tool: &'a str,
+    /// What was chosen, seeds among it: a name and its value each.
+    pub settings: Vec<(String, String)>,
     /// The files that were read.
     pub inputs: Vec<Input>,
+}
+
+/// A picture of the material.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Swatch {
+    /// A PNG.
+    pub png: Vec<u8>,
+    /// Pixels of a row, and rows.
+    pub size: [usize; 2],
+    /// What it shows, in a sentence or two.
+    pub caption: String,
+}
+
+/// One exposure of one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExposureRow {
+    /// Of the sample or of the reference.
+    pub subject: String,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Share of the pixels that were used, and of those left out as saturated, channel by channel.
+    pub used_and_saturated: Vec<[f64; 2]>,
 }
 
 /// A file that was read.
@@ -57,8 +94,8 @@ pub struct Input {
     pub blake3: String,
 }
 
-/// The page of `report`: one HTML file without script that loads nothing, follows the reader's
-/// choice of light or dark, and prints.
+/// The page of `report`: one HTML file that loads nothing, follows the reader's choice of light or
+/// dark, and prints. Its script enlarges figures; without it a box beside each figure does.
 ///
 /// It is well-formed XML as well.
 pub fn report_html(report: &Report) -> String {
@@ -70,7 +107,7 @@ pub fn report_html(report: &Report) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n\
          <meta charset=\"utf-8\"/>\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src \
-         'unsafe-inline'\"/>\n\
+         'unsafe-inline'; img-src data:; script-src 'sha256-{SCRIPT_SHA256}'\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <title>{material} – beamspot report</title>\n\
          <style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n<h1>{material}</h1>\n{}",
@@ -79,6 +116,7 @@ pub fn report_html(report: &Report) -> String {
     warnings(&mut out, report);
     coefficients(&mut out, report);
     lengths(&mut out, report);
+    swatch(&mut out, report);
     fits(&mut out, report);
     totals(&mut out, report);
     if report.channels.iter().any(|c| c.truth.is_some()) {
@@ -86,22 +124,127 @@ pub fn report_html(report: &Report) -> String {
     }
     list(&mut out, "Verdict", &report.verdict);
     out.push_str("<h2>Profiles, fits and residuals</h2>\n");
+    explanation(&mut out, report);
     for channel in &report.channels {
-        let _ = writeln!(
-            out,
-            "<figure>\n{}</figure>",
-            drawing(report.material, channel, "")
-        );
+        figure(&mut out, &drawing(report.material, channel, ""));
     }
-    comparison(&mut out, report);
+    models_side_by_side(&mut out, report);
+    pictures(&mut out, report);
+    exposures(&mut out, report);
     budgets(&mut out, report);
     list(&mut out, "Confirmation", &report.confirmation);
     list(&mut out, "Beam, blur and stray light", &report.beam);
-    list(&mut out, "Frames", &report.merge);
     list(&mut out, "Assumptions", &report.assumptions);
     provenance(&mut out, report);
-    out.push_str("</body>\n</html>\n");
+    let _ = write!(out, "<script>{SCRIPT}</script>\n</body>\n</html>\n");
     out
+}
+
+/// A figure that can be enlarged.
+fn figure(out: &mut String, drawing: &str) {
+    let _ = writeln!(
+        out,
+        "<figure>\n<label class=\"enlarge\"><input type=\"checkbox\"/> enlarge</label>\n<div \
+         class=\"view\">\n{drawing}</div>\n</figure>"
+    );
+}
+
+fn swatch(out: &mut String, report: &Report) {
+    match &report.swatch {
+        Ok(swatch) => {
+            let [width, height] = swatch.size;
+            let _ = writeln!(
+                out,
+                "<figure class=\"swatch\"><img width=\"{width}\" height=\"{height}\" alt=\"{0}\" \
+                 src=\"{1}\"/><figcaption>{0}</figcaption></figure>",
+                escaped(&swatch.caption),
+                data_url(&swatch.png)
+            );
+        }
+        Err(reason) => {
+            let _ = writeln!(
+                out,
+                "<p class=\"quiet\">No picture of the material: {}.</p>",
+                sentence(reason)
+            );
+        }
+    }
+}
+
+/// What the lines beside the model are, where there are some.
+fn explanation(out: &mut String, report: &Report) {
+    let any = |of: fn(&ChannelReport) -> bool| report.channels.iter().any(of);
+    let mut text = String::new();
+    if any(|c| !c.u_model_per_mm2.is_empty()) {
+        text.push_str(
+            "The band about the model is what the standard uncertainties of σₛ′ and σₐ, with their \
+             correlation, make of it. ",
+        );
+    }
+    if any(|c| !c.transport.is_empty()) {
+        text.push_str(
+            "A medium with the very coefficients that were found is also shown as the transport \
+             equation has it, without noise: where that line leaves the model, the model is wrong, \
+             and its error is part of u unless it was told to be left out. ",
+        );
+    }
+    if any(|c| !c.monte_carlo.is_empty()) {
+        text.push_str("Counted photons say the same, with their noise. ");
+    }
+    if !text.is_empty() {
+        let _ = writeln!(out, "<p class=\"quiet\">{}</p>", html(text.trim_end()));
+    }
+}
+
+fn pictures(out: &mut String, report: &Report) {
+    if report.pictures.is_empty() {
+        return;
+    }
+    out.push_str(
+        "<h2>Pictures</h2>\n<p class=\"quiet\">All exposures in one, on a logarithmic scale, with \
+         what the profile took of it.</p>\n",
+    );
+    for picture in &report.pictures {
+        figure(out, &picture::drawing(report.material, picture, ""));
+    }
+}
+
+fn exposures(out: &mut String, report: &Report) {
+    if report.exposures.is_empty() && report.merge.is_empty() {
+        return;
+    }
+    out.push_str("<h2>Frames</h2>\n");
+    if !report.exposures.is_empty() {
+        let names: Vec<String> = report.channels.iter().map(ChannelReport::name).collect();
+        let titles = names
+            .iter()
+            .flat_map(|name| [format!("{name} used"), format!("{name} saturated")]);
+        let header: Vec<String> = ["picture".to_owned(), "exposure (s)".to_owned()]
+            .into_iter()
+            .chain(titles)
+            .collect();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let row = |r: &ExposureRow| {
+            let shares = r.used_and_saturated.iter().flat_map(|[used, saturated]| {
+                let used = match *used {
+                    0.0 => "dropped".to_owned(),
+                    used => format!("{} %", fixed(100.0 * used, 2)),
+                };
+                [used, format!("{} %", fixed(100.0 * saturated, 2))]
+            });
+            let first = [escaped(&r.subject), html(&exact(r.exposure_s))];
+            first.into_iter().chain(shares).collect()
+        };
+        let rows: Vec<Vec<String>> = report.exposures.iter().map(row).collect();
+        table(
+            out,
+            "Share of the pixels that each exposure gave, and share that was left out of it as \
+             saturated or beside what is.",
+            &header,
+            &rows,
+        );
+    }
+    items(out, &report.merge);
 }
 
 fn lead(report: &Report) -> String {
@@ -310,7 +453,7 @@ fn totals(out: &mut String, report: &Report) {
 }
 
 /// The models side by side.
-fn comparison(out: &mut String, report: &Report) {
+fn models_side_by_side(out: &mut String, report: &Report) {
     if report.comparison.iter().all(Vec::is_empty) {
         return;
     }
@@ -358,23 +501,13 @@ fn comparison(out: &mut String, report: &Report) {
             ],
             &rows,
         );
-        let _ = writeln!(
-            out,
-            "<figure>\n{}</figure>",
-            figure::comparison::drawing(report.material, channel, models)
-        );
+        figure(out, &comparison::drawing(report.material, channel, models));
         let said = models.iter().flat_map(|model| {
             let warnings = model.fit.warnings.iter();
             warnings.map(|w| format!("{}: {w}", model.name))
         });
         let said: Vec<String> = said.collect();
-        if !said.is_empty() {
-            out.push_str("<ul>\n");
-            for line in &said {
-                let _ = writeln!(out, "<li>{}</li>", sentence(line));
-            }
-            out.push_str("</ul>\n");
-        }
+        items(out, &said);
     }
 }
 
@@ -498,7 +631,15 @@ fn list(out: &mut String, heading: &str, items: &[String]) {
     if items.is_empty() {
         return;
     }
-    let _ = write!(out, "<h2>{heading}</h2>\n<ul>\n");
+    let _ = writeln!(out, "<h2>{heading}</h2>");
+    self::items(out, items);
+}
+
+fn items(out: &mut String, items: &[String]) {
+    if items.is_empty() {
+        return;
+    }
+    out.push_str("<ul>\n");
     for item in items {
         let _ = writeln!(out, "<li>{}</li>", sentence(item));
     }
@@ -511,6 +652,16 @@ fn provenance(out: &mut String, report: &Report) {
         "<h2>Provenance</h2>\n<p>Made by {}.</p>\n",
         escaped(report.tool)
     );
+    if !report.settings.is_empty() {
+        let row = |(name, value): &(String, String)| vec![escaped(name), html(value)];
+        let rows: Vec<Vec<String>> = report.settings.iter().map(row).collect();
+        table(
+            out,
+            "What was chosen; together with the files below it gives the same bytes again.",
+            &["setting", "value"],
+            &rows,
+        );
+    }
     if report.inputs.is_empty() {
         return;
     }

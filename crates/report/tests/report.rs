@@ -5,7 +5,10 @@ mod synthetic;
 
 use fit::{Constraint, Contribution, Estimate, Fit, Residual, Termination, Warning};
 use physics::{Coefficients, ProfilePoint, RadialProfile};
-use report::{ChannelReport, CurvePoint, Input, Report, figure_svg, preview_text, report_html};
+use report::{
+    ChannelReport, CurvePoint, ExposureRow, Input, Outline, Picture, Report, Swatch, figure_svg,
+    preview_text, report_html,
+};
 use roxmltree::{Document, Node, ParsingOptions};
 
 const MARBLE_GREEN: Coefficients = Coefficients {
@@ -28,7 +31,11 @@ fn page<'a>(material: &'a str, channels: Vec<ChannelReport<'a>>) -> Report<'a> {
         confirmation: vec![],
         beam: vec![],
         merge: vec![],
+        exposures: vec![],
+        pictures: vec![],
+        swatch: Err("none was asked for".to_owned()),
         tool: "beamspot 0.1.0",
+        settings: vec![],
         inputs: vec![],
     }
 }
@@ -42,16 +49,19 @@ fn parsed(text: &str) -> Document<'_> {
     };
     let document = Document::parse_with_options(text, options).expect("well-formed XML");
     for node in document.descendants() {
-        assert!(!matches!(
-            node.tag_name().name(),
-            "script" | "image" | "img" | "link" | "a"
-        ));
+        assert!(!matches!(node.tag_name().name(), "link" | "a"));
+        if node.tag_name().name() == "script" {
+            assert_eq!(node.text(), Some(include_str!("../src/zoom.js")));
+            assert_eq!(node.attributes().count(), 0);
+            continue;
+        }
         for attribute in node.attributes() {
             let (name, value) = (attribute.name(), attribute.value());
-            assert!(
-                !matches!(name, "href" | "src" | "id") && !name.starts_with("on"),
-                "{name}"
-            );
+            if matches!(name, "href" | "src") {
+                assert!(value.starts_with("data:image/png;base64,"), "{value}");
+                continue;
+            }
+            assert!(name != "id" && !name.starts_with("on"), "{name}");
             assert!(
                 !value.contains("NaN") && !value.contains("inf"),
                 "{name}=\"{value}\""
@@ -64,7 +74,7 @@ fn parsed(text: &str) -> Document<'_> {
         for shown in node
             .text()
             .into_iter()
-            .filter(|_| node.tag_name().name() != "style")
+            .filter(|_| !matches!(node.tag_name().name(), "style" | "script"))
         {
             assert!(!shown.contains("NaN") && !shown.contains("inf "), "{shown}");
         }
@@ -193,6 +203,67 @@ fn a_point_stands_where_its_axes_put_it() {
     }
 }
 
+/// Transport a tenth above the model: a line above, one among the residuals, both in the legend;
+/// and the band of the model, twice its u wide.
+#[test]
+fn what_transport_says_lies_beside_the_model() {
+    let green = synthetic::channel("G", MARBLE_GREEN, 1.5, 1).unwrap();
+    let mut channel = green.report();
+    let at = |p: &physics::ProfilePoint, factor: f64| CurvePoint {
+        radius_mm: p.radius_mm,
+        reflectance_per_mm2: factor / p.radius_mm.powi(3),
+    };
+    let points = &green.profile.points;
+    channel.model_curve = points.iter().map(|p| at(p, 0.1)).collect();
+    channel.transport = points.iter().map(|p| at(p, 0.11)).collect();
+    channel.u_model_per_mm2 = points.iter().map(|p| 0.01 / p.radius_mm.powi(3)).collect();
+    let svg = figure_svg("Marble", &channel);
+    let document = parsed(&svg);
+    let drawn = |class: &str| -> Vec<Vec<(f64, f64)>> {
+        let of_class = |n: &Node| {
+            n.attribute("class") == Some(class)
+                && n.has_tag_name(("http://www.w3.org/2000/svg", "path"))
+        };
+        let corners = |d: &str| {
+            let ends = d.trim_end_matches('Z').split(['M', 'L']).skip(1);
+            let pairs = ends.filter_map(|end| {
+                let (x, y) = end.split_once(' ')?;
+                Some((x.parse().ok()?, y.parse().ok()?))
+            });
+            pairs.collect()
+        };
+        (document.descendants().filter(of_class))
+            .filter_map(|n| n.attribute("d").map(corners))
+            .collect()
+    };
+    let ten = {
+        let label = |text: &str| {
+            let labels = |n: &Node| n.attribute("class") == Some("end") && text_of(*n) == text;
+            let node = document.descendants().find(labels).unwrap();
+            node.attribute("y").unwrap().parse::<f64>().unwrap()
+        };
+        label("10−4") - label("10−3")
+    };
+    // The sample in the legend comes after panel's line, and has one corner.
+    let transport = drawn("transport");
+    let (lines, samples): (Vec<_>, Vec<_>) = transport.into_iter().partition(|l| l.len() > 1);
+    assert_eq!((lines.len(), samples.len()), (2, 1));
+    let model = &drawn("model")[0];
+    let above = model[20].1 - lines[0][20].1;
+    assert!((above - ten * 1.1_f64.log10()).abs() < 0.03, "{above}");
+    // (0.11 - 0.10)/0.10 of the model, in u.
+    let r = &green.fit.residuals[3];
+    let z = 0.1 * r.model_per_mm2 / r.u_per_mm2;
+    assert!(z > 0.0 && lines[1].len() == green.fit.residuals.len());
+    let band = &drawn("band")[0];
+    let (upper, lower) = (band[20], band[band.len() - 21]);
+    assert_eq!(upper.0, lower.0);
+    let wide = lower.1 - upper.1;
+    let expected = ten * (1.1_f64 / 0.9).log10();
+    assert!((wide - expected).abs() < 0.03, "{wide} {expected}");
+    assert!(shows(&document, "its medium by transport") && shows(&document, "model ± u"));
+}
+
 #[test]
 fn the_same_in_gives_the_same_out() {
     let make = || {
@@ -217,6 +288,13 @@ fn text_from_outside_stays_text() {
         confirmation: vec![],
         beam: vec![],
         merge: vec![evil.to_owned()],
+        settings: vec![(evil.to_owned(), evil.to_owned())],
+        pictures: vec![picture(evil)],
+        swatch: Ok(Swatch {
+            png: b"png".to_vec(),
+            size: [1, 1],
+            caption: evil.to_owned(),
+        }),
         tool: evil,
         inputs: vec![Input {
             name: evil.to_owned(),
@@ -225,7 +303,8 @@ fn text_from_outside_stays_text() {
         ..page(evil, vec![green.report()])
     };
     let html = report_html(&report);
-    assert!(!html.contains("<script"));
+    assert!(!html.contains("alert('1')"));
+    assert_eq!(html.matches("<script").count(), 1);
     let document = parsed(&html);
     // It is there for all to read, apart from what no document may hold.
     assert!(shows(
@@ -255,6 +334,25 @@ fn the_page_holds_every_channel_and_every_line_it_was_given() {
     report.warnings = vec!["u_eta is large, and sigma_a feels it".to_owned()];
     report.assumptions = vec!["no reference.sigma_a was given".to_owned()];
     report.merge = vec!["13 of 13 frames".to_owned()];
+    report.exposures = vec![
+        ExposureRow {
+            subject: "sample".to_owned(),
+            exposure_s: 0.004,
+            used_and_saturated: vec![[0.9987, 0.0001], [1.0, 0.0], [0.5, 0.5]],
+        },
+        ExposureRow {
+            subject: "reference".to_owned(),
+            exposure_s: 4.0,
+            used_and_saturated: vec![[0.0, 1.0]; 3],
+        },
+    ];
+    report.pictures = ["R", "G", "B"].map(picture).to_vec();
+    report.settings = vec![("seed of the photons".to_owned(), "6".to_owned())];
+    report.swatch = Ok(Swatch {
+        png: b"png".to_vec(),
+        size: [12, 12],
+        caption: "a cube of 20 mm".to_owned(),
+    });
     report.inputs = vec![Input {
         name: "a.tif".to_owned(),
         blake3: "af13".to_owned(),
@@ -266,9 +364,12 @@ fn the_page_holds_every_channel_and_every_line_it_was_given() {
             .descendants()
             .filter(|n| n.tag_name().name() == "svg" && n.attribute("role").is_some())
             .count(),
-        3
+        6
     );
     for wanted in [
+        "99.87 %",
+        "dropped",
+        "seed of the photons",
         "u_eta is large, and σa feels it",
         "13 of 13 frames",
         "a.tif",
@@ -277,11 +378,62 @@ fn the_page_holds_every_channel_and_every_line_it_was_given() {
     ] {
         assert!(shows(&document, wanted), "{wanted}");
     }
+    assert!(html.contains("<figcaption>a cube of 20 mm</figcaption>"));
     for channel in &channels {
         let fit = &channel.fit;
         let wanted = report::uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u);
         assert!(shows(&document, &wanted), "{wanted}");
     }
+}
+
+/// A picture of 100 px × 50 px with one ring.
+fn picture(channel: &str) -> Picture {
+    Picture {
+        channel: channel.to_owned(),
+        png: b"png".to_vec(),
+        size_px: [100.0, 50.0],
+        range_per_mm2: (2e-6, 0.3),
+        center_px: [49.5, 24.5],
+        outlines: vec![Outline {
+            name: "fitted range".to_owned(),
+            dashed: false,
+            corners_px: vec![[9.5, 24.5], [49.5, 14.5], [89.5, 24.5], [49.5, 34.5]],
+        }],
+        px_per_mm: 10.0,
+        any_unmeasured: true,
+    }
+}
+
+/// Of a picture of 100 px, 500 units wide: the centre and the ring stand where the pixels are, and
+/// the bar of a length is as long as it says.
+#[test]
+fn a_picture_is_drawn_to_scale() {
+    let text = report::picture_svg("Marble", &picture("G"));
+    let document = parsed(&text);
+    let paths: Vec<&str> = (document.descendants())
+        .filter(|n| n.attribute("class") == Some("outline"))
+        .filter_map(|n| n.attribute("d"))
+        .collect();
+    assert!(
+        paths.contains(&"M50.00 125.00L250.00 75.00L450.00 125.00L250.00 175.00Z"),
+        "{paths:?}"
+    );
+    assert!(
+        paths.contains(&"M244.00 125.00h12M250.00 119.00v12"),
+        "{paths:?}"
+    );
+    // 2 mm are 20 px are 100 units; 5 mm would be more than a third of the picture.
+    assert!(paths.contains(&"M12 238.00h100.00"), "{paths:?}");
+    for wanted in [
+        "2 mm",
+        "fitted range",
+        "not measured, left out",
+        "10−5",
+        "10−1",
+    ] {
+        assert!(shows(&document, wanted), "{wanted}");
+    }
+    assert!(!shows(&document, "10−6") && !shows(&document, "100"));
 }
 
 /// A fit and a profile in which everything is odd.
@@ -375,6 +527,14 @@ fn odd_numbers_leave_no_trace() {
                     profile: &profile,
                     wavelength_nm: Some(number),
                     model_curve: curve.collect(),
+                    u_model_per_mm2: points.iter().map(|p| p.2).collect(),
+                    transport: points
+                        .iter()
+                        .map(|p| CurvePoint {
+                            radius_mm: p.0,
+                            reflectance_per_mm2: p.2,
+                        })
+                        .collect(),
                     total_reflectance: number,
                     monte_carlo: vec![],
                     truth: Some(Coefficients {
@@ -385,6 +545,25 @@ fn odd_numbers_leave_no_trace() {
                 parsed(&figure_svg("", &channel));
                 let mut report = page("", vec![channel]);
                 report.u_eta = number;
+                report.exposures = vec![ExposureRow {
+                    subject: String::new(),
+                    exposure_s: number,
+                    used_and_saturated: vec![[number; 2]],
+                }];
+                report.pictures = vec![Picture {
+                    channel: String::new(),
+                    png: vec![],
+                    size_px: [3.0, 2.0],
+                    range_per_mm2: (number, 1.0),
+                    center_px: [number; 2],
+                    outlines: vec![Outline {
+                        name: String::new(),
+                        dashed: true,
+                        corners_px: vec![[number; 2], [0.0, number]],
+                    }],
+                    px_per_mm: number,
+                    any_unmeasured: true,
+                }];
                 parsed(&report_html(&report));
             }
         }
@@ -405,6 +584,8 @@ fn values_that_a_logarithm_cannot_show_become_arrows() {
         profile: &profile,
         wavelength_nm: None,
         model_curve: vec![],
+        u_model_per_mm2: vec![],
+        transport: vec![],
         total_reflectance: 0.5,
         monte_carlo: vec![],
         truth: None,

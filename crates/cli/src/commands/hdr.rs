@@ -44,11 +44,11 @@ pub(crate) fn run(
                 .into_iter()
                 .map(str::to_owned)
                 .collect(),
-            notes: radiance.merge_lines,
+            notes: radiance.left_out(),
         };
         return print::json(out, &document);
     }
-    for note in &radiance.merge_lines {
+    for note in &radiance.left_out() {
         print::line(out, note)?;
     }
     print::line(out, format!("wrote {output}"))

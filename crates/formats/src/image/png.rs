@@ -101,6 +101,42 @@ pub fn encode_png(frame: &Frame, out: impl Write) -> Result<(), ImageError> {
     Ok(())
 }
 
+/// Writes a picture of at most 256 colours as PNG: `indices`, row by row, into `palette`.
+///
+/// # Errors
+///
+/// [`ImageError`] for a picture that contradicts itself, or what the writer reports.
+pub fn encode_indexed_png(
+    (width, height): (usize, usize),
+    indices: &[u8],
+    palette: &[[u8; 3]],
+    out: impl Write,
+) -> Result<(), ImageError> {
+    let filled = width.checked_mul(height) == Some(indices.len()) && !indices.is_empty();
+    let coloured = indices.iter().all(|i| usize::from(*i) < palette.len());
+    let (Ok(columns), Ok(rows), true) = (
+        u32::try_from(width),
+        u32::try_from(height),
+        filled && coloured && palette.len() <= 256,
+    ) else {
+        return Err(ImageError::Inconsistent {
+            width,
+            height,
+            channels: 1,
+            samples: indices.len(),
+        });
+    };
+    let mut encoder = Encoder::new(out, columns, rows);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_palette(palette.concat());
+    encoder.set_compression(Compression::Balanced);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(indices)?;
+    writer.finish()?;
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::decode_frame;
@@ -195,6 +231,24 @@ mod tests {
         let samples = vec![1, 2, 3, 4, 5, 255].into();
         assert_eq!(decoded.clone().linear(true).unwrap().samples, samples);
         assert!(matches!(decoded.linear(false), Err(ImageError::EightBits)));
+    }
+
+    /// The crate's own decoder, told to look colours up, finds those that went in.
+    #[test]
+    fn indexed_colours_come_back() {
+        let palette = [[1, 2, 3], [40, 50, 60], [7, 0, 255]];
+        let mut bytes = vec![];
+        encode_indexed_png((3, 2), &[0, 1, 2, 2, 1, 0], &palette, &mut bytes).unwrap();
+        let mut decoder = Decoder::new(Cursor::new(&bytes));
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let mut reader = decoder.read_info().unwrap();
+        let mut rgb = vec![0; 18];
+        reader.next_frame(&mut rgb).unwrap();
+        let expected = [0, 1, 2, 2, 1, 0].map(|i| palette[i]).concat();
+        assert_eq!(rgb, expected);
+        for (size, indices) in [((3, 2), vec![0; 5]), ((1, 1), vec![3]), ((0, 0), vec![])] {
+            assert!(encode_indexed_png(size, &indices, &palette, vec![]).is_err());
+        }
     }
 
     #[test]

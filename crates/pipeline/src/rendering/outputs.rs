@@ -7,7 +7,7 @@ use crate::fit_json::SCHEMA_VERSION;
 use formats::{RadianceFile, encode_png, write_radiance};
 use physics::{ChannelMap, Frame, RadianceMap};
 use render::method::COMPONENTS;
-use render::{Entry, Film, Gather, Ledger, Picture};
+use render::{Entry, Film, Gather, Ledger, Picture, Scene};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -191,7 +191,7 @@ impl PictureFiles {
         let picture_map = map(loaded, &planes, picture);
         let file = radiance_file(loaded, options, picture, &picture_map);
         files.write(exr, |out| Ok(write_radiance(&file, out)?))?;
-        let (frame, exposure) = developed(loaded, planes.len(), picture, options.exposure);
+        let (frame, exposure) = developed(&loaded.scene, planes.len(), picture, options.exposure);
         files.write(png, |out| Ok(encode_png(&frame, out)?))?;
         files.write(state, |out| {
             out.write_all(MAGIC)?;
@@ -309,15 +309,15 @@ pub(super) fn map(loaded: &Loaded, planes: &[String], picture: &Picture) -> Radi
 
 /// The sum of all components through the sRGB curve. Without an exposure the brightest
 /// hundredth of the pixels with light begins to burn out.
-pub(super) fn developed(
-    loaded: &Loaded,
+pub(crate) fn developed(
+    scene: &Scene,
     planes: usize,
     picture: &Picture,
     exposure: Option<f64>,
 ) -> (Frame, f64) {
-    let [width, height] = loaded.scene.camera.size();
+    let [width, height] = scene.camera.size();
     let pixels = width * height;
-    let channels = loaded.scene.channels.len();
+    let channels = scene.channels.len();
     let mut values = vec![0.0; channels * pixels];
     for plane in 0..planes {
         for pixel in 0..pixels {

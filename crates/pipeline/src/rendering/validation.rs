@@ -135,7 +135,7 @@ pub fn validate(
         let file = radiance_file(loaded, &options, &picture, &picture_map);
         files.write(format!("{name}.exr"), |out| Ok(write_radiance(&file, out)?))?;
         // All pictures under one exposure: that of the first.
-        let (frame, used) = developed(loaded, planes.len(), &picture, exposure);
+        let (frame, used) = developed(&loaded.scene, planes.len(), &picture, exposure);
         exposure = Some(used);
         files.write(format!("{name}.png"), |out| Ok(encode_png(&frame, out)?))?;
         let mut line = MethodLine {

@@ -49,7 +49,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             confirmation: vec![],
             beam: vec![],
             merge: vec!["13 of 13 frames were used, from 0.001 s to 4 s.".to_owned()],
+            exposures: vec![],
+            pictures: vec![],
+            swatch: Err("these are invented".to_owned()),
             tool: "beamspot 0.1.0",
+            settings: vec![],
             inputs: vec![Input {
                 name: "sample_01.tif".to_owned(),
                 blake3: "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262"

@@ -27,6 +27,8 @@ impl Synthetic {
             profile: &self.profile,
             wavelength_nm: None,
             model_curve: self.model_curve.clone(),
+            u_model_per_mm2: vec![],
+            transport: vec![],
             total_reflectance: self.total_reflectance,
             monte_carlo: vec![],
             truth: Some(self.truth),

@@ -1,6 +1,6 @@
 //! The figure of several models beside one profile.
 
-use super::{HEIGHT, LEFT, PROFILE, Plot, RESIDUALS, RIGHT, WIDTH};
+use super::{HEIGHT, LEFT, PROFILE, Plot, RESIDUALS, RIGHT, WIDTH, cut};
 use crate::axis::Axis;
 use crate::channel::{ChannelReport, CurvePoint, ModelReport};
 use crate::markup::{escaped, svg};
@@ -47,7 +47,13 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelRe
     plot.points(&mut out);
     for (i, model) in models.iter().enumerate() {
         let path = plot.line(&model.curve);
-        curve(&mut out, PROFILE, i, &path);
+        cut(
+            &mut out,
+            (LEFT, RIGHT),
+            PROFILE,
+            &format!("curve m{i}"),
+            &path,
+        );
     }
     plot.ground(&mut out, RESIDUALS, &plot.residual, true);
     let zero = plot.residual.place_inside(0.0);
@@ -65,7 +71,13 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelRe
                 pen = 'L';
             }
         }
-        curve(&mut out, RESIDUALS, i, &path);
+        cut(
+            &mut out,
+            (LEFT, RIGHT),
+            RESIDUALS,
+            &format!("curve m{i}"),
+            &path,
+        );
     }
     for (label, (top, bottom)) in [
         ("diffuse reflectance Rᵈ (mm⁻²)", PROFILE),
@@ -96,19 +108,6 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelRe
     }
     out.push_str("</svg>\n");
     out
-}
-
-/// A path cut at the edges of its panel.
-fn curve(out: &mut String, (top, bottom): (f64, f64), index: usize, path: &str) {
-    if path.is_empty() {
-        return;
-    }
-    let (width, height) = (RIGHT - LEFT, bottom - top);
-    let _ = writeln!(
-        out,
-        "<svg x=\"{LEFT}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" viewBox=\"{LEFT} {top} \
-         {width} {height}\" overflow=\"hidden\"><path class=\"curve m{index}\" d=\"{path}\"/></svg>"
-    );
 }
 
 /// Radius, mm, and measured/model − 1, percent, wherever the datum stands out of its noise.
