@@ -14,7 +14,7 @@ use crate::fits_header::Header;
 use crate::image::Format;
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use thiserror::Error;
 
 /// Cards of FITS that hold an exposure time, at different observatories.
@@ -205,7 +205,7 @@ impl Metadata {
             Some(Format::Tiff) => tags::read(bytes),
             Some(Format::Png) => png_chunk(bytes, *b"eXIf").map_or_else(Self::default, tags::read),
             Some(Format::Fits) => Header::read(bytes).map_or_else(Self::default, |h| fits(&h)),
-            Some(Format::Exr) => exr(bytes),
+            Some(Format::Exr) => exr(Cursor::new(bytes)),
             Some(Format::Pnm) => Self::default(),
             None => camera_raw::read(bytes),
         }
@@ -269,19 +269,33 @@ impl Metadata {
     }
 }
 
-/// The first chunk of a PNG that is called `name`.
-fn png_chunk(bytes: &[u8], name: [u8; 4]) -> Option<&[u8]> {
-    let mut rest = bytes.get(8..)?;
-    loop {
+/// The chunks of a PNG, each with its name and its body, and what stands behind it.
+fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8], &[u8])> {
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    std::iter::from_fn(move || {
         let (length, behind) = rest.split_first_chunk::<4>()?;
         let (kind, behind) = behind.split_first_chunk::<4>()?;
         let length = u32::from_be_bytes(*length) as usize;
-        if *kind == name {
-            return behind.get(..length);
-        }
+        let body = behind.get(..length)?;
         // Four bytes of checksum follow.
-        rest = behind.get(length.checked_add(4)?..)?;
-    }
+        rest = behind.get(length.checked_add(4)?..).unwrap_or_default();
+        Some((*kind, body, rest))
+    })
+}
+
+/// The first chunk of a PNG that is called `name`.
+pub(crate) fn png_chunk(bytes: &[u8], name: [u8; 4]) -> Option<&[u8]> {
+    let mut chunks = png_chunks(bytes);
+    chunks
+        .find(|(kind, ..)| *kind == name)
+        .map(|(_, body, _)| body)
+}
+
+/// What follows the last chunk of a PNG.
+pub(crate) fn behind_png(bytes: &[u8]) -> &[u8] {
+    let mut chunks = png_chunks(bytes);
+    let last = chunks.find(|(kind, ..)| kind == b"IEND");
+    last.map_or(&[], |(.., behind)| behind)
 }
 
 fn fits(header: &Header<'_>) -> Metadata {
@@ -311,8 +325,8 @@ fn fits(header: &Header<'_>) -> Metadata {
     }
 }
 
-fn exr(bytes: &[u8]) -> Metadata {
-    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false);
+fn exr(source: impl Read) -> Metadata {
+    let meta = exr::meta::MetaData::read_from_buffered(source, false);
     let header = meta.ok().and_then(|meta| meta.headers.into_iter().next());
     let seconds = header.and_then(|header| header.own_attributes.exposure);
     let exposures = seconds

@@ -6,6 +6,7 @@ use std::ops::Range;
 const IMAGE_DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
+const ORIENTATION: u16 = 274;
 const SUB_DIRECTORIES: u16 = 330;
 const EXPOSURE_TIME: u16 = 33434;
 const EXIF: u16 = 34665;
@@ -29,7 +30,12 @@ const LOOKED_AT: [u16; 9] = [
 
 /// What the first directory of a TIFF and its EXIF directory say.
 pub(super) fn read(bytes: &[u8]) -> Metadata {
-    let Some(file) = File::open(bytes) else {
+    read_known(Known::all(bytes))
+}
+
+/// The same of a file of which only parts are there.
+pub(super) fn read_known(bytes: Known<'_>) -> Metadata {
+    let Some(file) = File::of(bytes) else {
         return Metadata::default();
     };
     let first = file.directory(file.first);
@@ -82,6 +88,13 @@ pub(super) fn read(bytes: &[u8]) -> Metadata {
     }
 }
 
+/// How the pixels are to be turned before they are looked at, as the first directory of EXIF has it.
+pub(crate) fn orientation(exif: &[u8]) -> Option<u16> {
+    let file = File::open(exif)?;
+    let tag = file.directory(file.first).get(ORIENTATION)?;
+    u16::try_from(file.whole(tag)?).ok()
+}
+
 /// Places of a file, from the first byte to the one behind the last.
 pub(super) type Stretch = Range<u64>;
 
@@ -90,11 +103,10 @@ const LONGEST: u64 = 1 << 24;
 /// More than the tags of a directory take.
 const DIRECTORY: u64 = 1 << 16;
 
-/// What [`read`] looks at in a file of which only these stretches need be there; more of them once
-/// those are.
-pub(super) fn stretches(bytes: &[u8]) -> Vec<Stretch> {
-    let length = bytes.len() as u64;
-    let Some(file) = File::open(bytes) else {
+/// What [`read_known`] looks at in a file of `length` bytes of which only these stretches need be
+/// there; more of them once those are.
+pub(super) fn stretches(bytes: Known<'_>, length: u64) -> Vec<Stretch> {
+    let Some(file) = File::of(bytes) else {
         return vec![];
     };
     let first = file.directory(file.first);
@@ -188,9 +200,47 @@ impl<'a> Directory<'a> {
     }
 }
 
+/// The bytes of a file that are there: those at its beginning, and stretches farther on, each from
+/// its place.
+#[derive(Clone, Copy)]
+pub(super) struct Known<'a> {
+    pub(super) beginning: &'a [u8],
+    pub(super) further: &'a [(u64, Vec<u8>)],
+}
+
+impl<'a> Known<'a> {
+    /// A file of which all bytes are there.
+    fn all(bytes: &'a [u8]) -> Self {
+        Self {
+            beginning: bytes,
+            further: &[],
+        }
+    }
+
+    /// The bytes from `at` on, as far as they are there.
+    fn from(&self, at: u64) -> Option<&'a [u8]> {
+        let further = self.further.iter().map(|(from, bytes)| (*from, &bytes[..]));
+        let parts = [(0, self.beginning)].into_iter().chain(further);
+        parts
+            .filter_map(|(from, bytes)| bytes.get(usize::try_from(at.checked_sub(from)?).ok()?..))
+            .max_by_key(|bytes| bytes.len())
+    }
+
+    /// Whether the whole of `stretch` is there.
+    pub(super) fn holds(&self, stretch: &Stretch) -> bool {
+        self.get(stretch.start, stretch.end - stretch.start)
+            .is_some()
+    }
+
+    /// The `length` bytes from `at` on.
+    fn get(&self, at: u64, length: u64) -> Option<&'a [u8]> {
+        self.from(at)?.get(..usize::try_from(length).ok()?)
+    }
+}
+
 /// A TIFF or BigTIFF.
 pub(crate) struct File<'a> {
-    bytes: &'a [u8],
+    bytes: Known<'a>,
     little: bool,
     big: bool,
     /// Where the first directory stands.
@@ -200,13 +250,18 @@ pub(crate) struct File<'a> {
 impl<'a> File<'a> {
     /// The file, if its first bytes are those of one.
     pub(crate) fn open(bytes: &'a [u8]) -> Option<Self> {
+        Self::of(Known::all(bytes))
+    }
+
+    fn of(known: Known<'a>) -> Option<Self> {
+        let bytes = known.beginning;
         let little = match bytes.get(..2)? {
             b"II" => true,
             b"MM" => false,
             _ => return None,
         };
         let mut file = Self {
-            bytes,
+            bytes: known,
             little,
             big: false,
             first: 0,
@@ -233,10 +288,7 @@ impl<'a> File<'a> {
     /// The tags of the directory at `offset`, as far as the file has them.
     pub(crate) fn directory(&self, offset: u64) -> Directory<'a> {
         let (head, entry, field) = if self.big { (8, 20, 12) } else { (2, 12, 8) };
-        let Some(rest) = usize::try_from(offset)
-            .ok()
-            .and_then(|at| self.bytes.get(at..))
-        else {
+        let Some(rest) = self.bytes.from(offset) else {
             return Directory::default();
         };
         let Some((count, entries)) = rest.split_at_checked(head) else {
@@ -278,18 +330,16 @@ impl<'a> File<'a> {
 
     /// Where the directory behind the one at `offset` stands.
     pub(crate) fn next(&self, offset: u64) -> Option<u64> {
-        let at = usize::try_from(self.next_at(offset)?).ok()?;
         let pointer = if self.big { 8 } else { 4 };
-        let next = self.unsigned(self.bytes.get(at..at.checked_add(pointer)?)?);
+        let next = self.unsigned(self.bytes.get(self.next_at(offset)?, pointer)?);
         (next != 0).then_some(next)
     }
 
     /// Where the directory at `offset` says which one follows.
     pub(crate) fn next_at(&self, offset: u64) -> Option<u64> {
         let (head, entry) = if self.big { (8, 20) } else { (2, 12) };
-        let rest = self.bytes.get(usize::try_from(offset).ok()?..)?;
-        let count = self.unsigned(rest.get(..head)?);
-        let length = count.checked_mul(entry)?.checked_add(head as u64)?;
+        let count = self.unsigned(self.bytes.get(offset, head)?);
+        let length = count.checked_mul(entry)?.checked_add(head)?;
         offset.checked_add(length)
     }
 
@@ -300,8 +350,8 @@ impl<'a> File<'a> {
 
     /// Where a tag's field stands.
     pub(crate) fn place(&self, field: &[u8]) -> u64 {
-        // A field is a part of the file.
-        (field.as_ptr() as usize - self.bytes.as_ptr() as usize) as u64
+        // A field is a part of the file, and whoever changes one has all of it.
+        (field.as_ptr() as usize - self.bytes.beginning.as_ptr() as usize) as u64
     }
 
     /// A pointer as the file writes it.
@@ -337,12 +387,11 @@ impl<'a> File<'a> {
 
     /// The bytes of a tag's values, each `width` wide.
     fn values(&self, tag: Tag<'a>, width: u64) -> Option<&'a [u8]> {
-        let length = usize::try_from(tag.count.checked_mul(width)?).ok()?;
-        if length <= tag.field.len() {
-            return tag.field.get(..length);
+        let length = tag.count.checked_mul(width)?;
+        if length <= tag.field.len() as u64 {
+            return tag.field.get(..length as usize);
         }
-        let at = usize::try_from(self.unsigned(tag.field)).ok()?;
-        self.bytes.get(at..at.checked_add(length)?)
+        self.bytes.get(self.unsigned(tag.field), length)
     }
 
     /// The first whole number of a tag.
@@ -352,7 +401,21 @@ impl<'a> File<'a> {
         Some(self.unsigned(values.get(..width as usize)?))
     }
 
+    /// A number that need not be whole.
     fn ratio(&self, tag: Tag<'a>) -> Option<f64> {
+        // FLOAT and DOUBLE: not by the letter of EXIF, but Pillow for one writes them.
+        let float = match tag.kind {
+            11 => Some(f64::from(f32::from_bits(
+                self.unsigned(self.values(tag, 4)?.get(..4)?) as u32,
+            ))),
+            12 => Some(f64::from_bits(
+                self.unsigned(self.values(tag, 8)?.get(..8)?),
+            )),
+            _ => None,
+        };
+        if float.is_some() {
+            return float.filter(|value| value.is_finite());
+        }
         let values = self.values(tag, 8)?;
         let (above, below) = (
             self.unsigned(values.get(..4)?) as u32,
@@ -429,6 +492,11 @@ mod tests {
             (with_ratio(EXPOSURE_TIME, 5, false, [1, 250]), 0.004),
             (with_ratio(SHUTTER_SPEED, 10, false, [3, 1]), 0.125),
             (with_ratio(SHUTTER_SPEED, 10, false, [-2, 1]), 4.0),
+            // The two halves of a double, the low one first.
+            (
+                with_ratio(EXPOSURE_TIME, 12, false, [0, 0x3fc0_0000]),
+                0.125,
+            ),
         ];
         for (bytes, seconds) in cases {
             let found = read(&bytes).exposure("", None).unwrap().unwrap();
