@@ -1,15 +1,22 @@
 //! Stray light, from files to coefficients.
 
 use fit::Fit;
+use formats::capture::PerChannel;
 use physics::Coefficients;
+use pipeline::capture::Loaded;
 use pipeline::library::{self, ModelChoice};
 use pipeline::measure::{Choices, Measurement, measure};
 use pipeline::{Silent, capture, fitting, synthesis};
-use synth::{Camera, Channels, Sample};
+use synth::{Camera, Channels, Sample, WhiteReference};
 
 /// One channel of a shipped material, photographed through a lens that spreads `flare` of the
-/// light, and measured.
-fn measured(material: &str, channel: &str, flare: f64, seed: u64) -> (Measurement, Coefficients) {
+/// light, beside a white that absorbs `white_sigma_a`; the folder goes with the files.
+fn photographed(
+    material: &str,
+    channel: &str,
+    (flare, white_sigma_a): (f64, f64),
+    seed: u64,
+) -> (tempfile::TempDir, Loaded, Coefficients) {
     let rows = library::material(material).unwrap();
     let row = rows.iter().find(|r| r.channel == channel).unwrap();
     let truth = row.medium.coefficients();
@@ -26,6 +33,10 @@ fn measured(material: &str, channel: &str, flare: f64, seed: u64) -> (Measuremen
         beam_fwhm_mm: 1.0,
         flare_relative: flare,
         exposures_s: vec![0.001, 0.004, 0.016, 0.064, 0.25, 1.0, 4.0],
+        reference: WhiteReference {
+            sigma_a_per_mm: Some(vec![white_sigma_a]),
+            ..WhiteReference::default()
+        },
         ..Camera::default()
     };
     let folder = tempfile::tempdir().unwrap();
@@ -33,12 +44,22 @@ fn measured(material: &str, channel: &str, flare: f64, seed: u64) -> (Measuremen
     let model = ModelChoice::default();
     let manifest =
         synthesis::write(&sample, camera, &model, seed, &target, false, &Silent).unwrap();
+    let loaded = capture::load(&manifest).unwrap();
+    (folder, loaded, truth)
+}
+
+fn measured_from(loaded: &Loaded) -> Measurement {
     let choices = Choices {
         confirm: false,
         ..Choices::default()
     };
-    let loaded = capture::load(&manifest).unwrap();
-    (measure(&loaded, &choices, &Silent).unwrap(), truth)
+    measure(loaded, &choices, &Silent).unwrap()
+}
+
+/// The same with a white that absorbs nothing, measured.
+fn measured(material: &str, channel: &str, flare: f64, seed: u64) -> (Measurement, Coefficients) {
+    let (_folder, loaded, truth) = photographed(material, channel, (flare, 0.0), seed);
+    (measured_from(&loaded), truth)
 }
 
 fn pulls(fit: &Fit, truth: Coefficients) -> [f64; 2] {
@@ -134,4 +155,40 @@ fn light_that_fills_the_picture_leaves_stray_light_open_and_says_so() {
     );
     let text = found.document().to_json().unwrap();
     assert!(text.contains("\"stray_light\""), "{text}");
+}
+
+/// The light of skim milk fills the picture, so that stray light is known by the white alone; and
+/// an absorption of the white that is stated too high by half, its u, looks like stray light, 28
+/// times what noise leaves open.
+#[test]
+fn a_white_whose_absorption_is_stated_wrong_is_in_u() {
+    let truly = 5e-5;
+    let (_folder, mut loaded, truth) = photographed("skimmilk", "G", (0.0, truly), 5);
+    let mut found_with = |u: f64| {
+        let white = &mut loaded.capture.reference;
+        white.sigma_a_per_mm = Some(PerChannel::All(1.5 * truly));
+        white.u_sigma_a_per_mm = Some(PerChannel::All(u));
+        measured_from(&loaded)
+    };
+    let (told, untold) = (found_with(0.5 * truly), found_with(0.0));
+    let share = |found: &Measurement| {
+        let veil = found.radiance.veils[0];
+        veil.share / veil.u_share
+    };
+    let (of_told, of_untold) = (pulls(&told.fits[0], truth), pulls(&untold.fits[0], truth));
+    println!(
+        "pulls {of_told:.2?}, share {:.1} u; untold {of_untold:.2?}, {:.1} u",
+        share(&told),
+        share(&untold)
+    );
+    assert!(of_told.iter().all(|p| p.abs() < 2.5), "{of_told:?}");
+    assert!(share(&told) < 2.0 && share(&untold) > 10.0);
+    assert!(of_untold.iter().all(|p| p.abs() > 4.0), "{of_untold:?}");
+    let budget = &told.fits[0].budget;
+    assert!(
+        budget
+            .iter()
+            .any(|line| line.source == "white reference: absorption"),
+        "{budget:?}"
+    );
 }

@@ -338,12 +338,22 @@ fn a_total_above_the_ceiling() {
 
 #[test]
 fn a_frame_of_another_kind() {
+    let slope = (0..900_u16).flat_map(|i| (1000 + 3 * i).to_le_bytes());
+    let low_byte_first: Vec<u8> = b"P5 30 30 65535\n".iter().copied().chain(slope).collect();
     for (bytes, words) in [
         (&b"P5 2 2 255\n\x01\x02\x03\x04"[..], "16-bit"),
         (b"P5 2 2 65535\n\x01", "cut short"),
         (b"P5 2147483648 2147483648 65535\n\x01", "cut short"),
         (b"FUJIFILMCCD-RAW 0201", "camera RAW (RAF)"),
         (b"GIF89a", "expected TIFF, PNG"),
+        (b"\xff\xd8\xff\xe0", "a JPEG"),
+        (b"", "the file is empty"),
+        (&low_byte_first, "expected the high byte first"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "PNG: the file ends before"),
+        (
+            b"\x76\x2f\x31\x01\x02\0\0\0",
+            "OpenEXR: the file ends before",
+        ),
     ] {
         let words = ["reference/reference_02.tif", words];
         file_refused("reference/reference_02.tif", |_| bytes.to_vec(), &words);

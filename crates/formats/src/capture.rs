@@ -13,7 +13,8 @@ pub use draft::{Draft, DraftFrame};
 pub use frames::{Frames, WrittenFrame};
 
 use crate::metadata::TimeUnit;
-use physics::{Mosaic, ReducedMedium};
+use physics::dipole::albedo_prime_from_total;
+use physics::{DiffuseFresnel, Mosaic, ReducedMedium};
 use serde::{Deserialize, Serialize};
 
 /// Standard uncertainty of a relative index that is given without one.
@@ -31,6 +32,10 @@ pub const DEFAULT_U_REFLECTANCE: f64 = 0.01;
 /// Relative standard uncertainty of the white's own σₛ′ given without one: that of one white to
 /// the next.
 pub const DEFAULT_U_SIGMA_S_PRIME_RELATIVE: f64 = 0.1;
+/// Standard uncertainty of the white's own σₐ given without one, as a share of σₐ, or of the
+/// absorption that would take all the light which its certificate says is lost, if that is more:
+/// a white whose σₐ is put at 0 absorbs all the same, and its lost light has nowhere else to go.
+pub const DEFAULT_U_SIGMA_A_SHARE: f64 = 0.5;
 /// Index of the white reference itself (sintered PTFE) where none is given.
 pub const DEFAULT_REFERENCE_ETA: f64 = 1.3;
 
@@ -320,12 +325,24 @@ impl PerChannel {
         }
     }
 
-    /// The number of channel `index`.
-    fn of(&self, index: usize) -> Option<f64> {
-        match self {
+    /// The number of channel `index` of `channels` in this list, which stands in `field`.
+    fn of_all(
+        &self,
+        field: &'static str,
+        index: usize,
+        channels: usize,
+    ) -> Result<f64, CaptureError> {
+        let found = self.values().len();
+        let of_channel = match self {
             Self::All(value) => Some(*value),
-            Self::Each(values) => values.get(index).copied(),
-        }
+            Self::Each(values) if found == channels => values.get(index).copied(),
+            Self::Each(_) => None,
+        };
+        of_channel.ok_or(CaptureError::PerChannel {
+            field,
+            found,
+            channels,
+        })
     }
 }
 
@@ -345,6 +362,9 @@ pub struct Reference<F = Vec<FrameEntry>> {
     pub u_sigma_s_prime_relative: Option<f64>,
     /// Absorption coefficient σₐ of the white itself, mm⁻¹.
     pub sigma_a_per_mm: Option<PerChannel>,
+    /// Standard uncertainty of `sigma_a_per_mm`, mm⁻¹; [`DEFAULT_U_SIGMA_A_SHARE`] says what it is
+    /// where absent.
+    pub u_sigma_a_per_mm: Option<PerChannel>,
     /// Relative index of the white itself; [`DEFAULT_REFERENCE_ETA`] where absent.
     pub eta: Option<f64>,
     /// As that of the sample.
@@ -417,6 +437,11 @@ impl<F> Capture<F> {
                 white && reference.u_sigma_s_prime_relative.is_none(),
                 "reference.u_sigma_s_prime_relative",
                 reference.u_sigma_s_prime_relative(),
+            ),
+            (
+                white && reference.u_sigma_a_per_mm.is_none(),
+                "reference.u_sigma_a_per_mm",
+                reference.largest_u_sigma_a_per_mm(),
             ),
             (
                 white && reference.eta.is_none(),
@@ -522,21 +547,43 @@ impl<F> Reference<F> {
         else {
             return Ok(None);
         };
-        let of = |field: &'static str, list: &PerChannel| {
-            let found = list.values().len();
-            let fits = matches!(list, PerChannel::All(_)) || found == channels;
-            list.of(index)
-                .filter(|_| fits)
-                .ok_or(CaptureError::PerChannel {
-                    field,
-                    found,
-                    channels,
-                })
-        };
+        let of = |field, list: &PerChannel| list.of_all(field, index, channels);
         Ok(Some(ReducedMedium {
             sigma_a: of("reference.sigma_a_per_mm", absorption)?,
             sigma_s_prime: of("reference.sigma_s_prime_per_mm", scattering)?,
             eta: self.eta(),
         }))
+    }
+
+    /// Standard uncertainty of σₐ of the white in channel `index` of `channels`, mm⁻¹, stated or by
+    /// default; 0 for an ideal surface.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::medium`].
+    pub fn u_sigma_a_per_mm(&self, index: usize, channels: usize) -> Result<f64, CaptureError> {
+        match (&self.u_sigma_a_per_mm, self.medium(index, channels)?) {
+            (_, None) => Ok(0.0),
+            (Some(stated), Some(_)) => stated.of_all("reference.u_sigma_a_per_mm", index, channels),
+            (None, Some(medium)) => Ok(self.default_u_sigma_a_per_mm(&medium)),
+        }
+    }
+
+    fn default_u_sigma_a_per_mm(&self, medium: &ReducedMedium) -> f64 {
+        let a = DiffuseFresnel::Exact.a(medium.eta);
+        let lost = albedo_prime_from_total(self.reflectance, a)
+            .map_or(0.0, |albedo| medium.sigma_s_prime * (1.0 / albedo - 1.0));
+        DEFAULT_U_SIGMA_A_SHARE * medium.sigma_a.max(lost)
+    }
+
+    /// The largest default of all channels, mm⁻¹.
+    fn largest_u_sigma_a_per_mm(&self) -> f64 {
+        let lists = [&self.sigma_a_per_mm, &self.sigma_s_prime_per_mm];
+        let count = lists.map(|list| list.as_ref().map_or(0, |l| l.values().len()));
+        let count = count.into_iter().max().unwrap_or(0);
+        (0..count)
+            .filter_map(|index| self.medium(index, count).ok()?)
+            .map(|medium| self.default_u_sigma_a_per_mm(&medium))
+            .fold(0.0, f64::max)
     }
 }

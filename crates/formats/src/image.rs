@@ -4,6 +4,7 @@
 //! leave out is refused with its reason ([`Oddity`]), and no size of a header is trusted with
 //! memory before the length of the file has vouched for it.
 
+mod beginning;
 mod exr;
 mod fits;
 mod icc;
@@ -23,6 +24,9 @@ use thiserror::Error;
 pub enum Depth {
     /// Whole numbers of so many bits: 8 are widened to 16, 12 may have been packed.
     Bits(u16),
+    /// Floating-point numbers of 16 bits, which hold whole counts up to 2048 and round larger ones
+    /// to 11 bits.
+    Half,
     /// Floating-point numbers.
     Float,
 }
@@ -31,6 +35,7 @@ impl std::fmt::Display for Depth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Bits(bits) => write!(f, "{bits}-bit"),
+            Self::Half => write!(f, "half-precision floating-point"),
             Self::Float => write!(f, "floating-point"),
         }
     }
@@ -50,6 +55,8 @@ pub struct Decoded {
     pub white_level_dn: Option<f64>,
     /// Whether the file declares a transfer curve that is no straight line (sRGB, a gamma, an ICC profile).
     pub curve: bool,
+    /// The compression, where it has changed the samples.
+    pub loss: Option<&'static str>,
 }
 
 impl Decoded {
@@ -59,10 +66,13 @@ impl Decoded {
     ///
     /// # Errors
     ///
-    /// [`ImageError::EightBits`], or [`Oddity::Curve`] whatever was stated.
+    /// [`ImageError::EightBits`], or [`Oddity::Curve`] and [`Oddity::ExrLoss`] whatever was stated.
     pub fn linear(self, stated_linear: bool) -> Result<Frame, ImageError> {
         if self.curve {
             return Err(ImageError::Odd(Oddity::Curve));
+        }
+        if let Some(loss) = self.loss {
+            return Err(ImageError::Odd(Oddity::ExrLoss(loss)));
         }
         if !stated_linear && matches!(self.depth, Depth::Bits(..=8)) {
             return Err(ImageError::EightBits);
@@ -77,8 +87,8 @@ impl Decoded {
 pub enum ImageError {
     /// None of the formats.
     #[error(
-        "no frame: the file begins with {0:02x?}; expected TIFF, PNG, PGM, PPM, OpenEXR or FITS, \
-         so convert it without changing its counts"
+        "no frame: {}; expected TIFF, PNG, binary PGM or PPM, OpenEXR or FITS: {}",
+        beginning::found(.0), beginning::advice(.0)
     )]
     UnknownFormat(Vec<u8>),
     /// A camera's own RAW format.
@@ -102,7 +112,9 @@ pub enum ImageError {
     )]
     EightBits,
     /// A text header that makes no sense.
-    #[error("{format}: {what}; the file is damaged or of another kind")]
+    #[error(
+        "{format}: {what}; the file is damaged or of another kind: copy it anew, or save the frame again"
+    )]
     Header {
         /// Name of the format.
         format: &'static str,
@@ -110,7 +122,9 @@ pub enum ImageError {
         what: &'static str,
     },
     /// A FITS card that the frame depends on.
-    #[error("FITS: {keyword} is {found}; expected {expected}")]
+    #[error(
+        "FITS: {keyword} is {found}; expected {expected}: correct the header, or save the frame again"
+    )]
     Fits {
         /// The keyword.
         keyword: &'static str,
@@ -134,7 +148,7 @@ pub enum ImageError {
     /// A strip of packed samples that is not long enough.
     #[error(
         "the strip of row {row}, plane {plane}, does not hold the {needed} bytes of its rows: the \
-         file is damaged"
+         file is damaged: copy it anew"
     )]
     ShortStrip {
         /// First row of the strip.
@@ -151,13 +165,18 @@ pub enum ImageError {
     )]
     Behind(usize),
     /// An EXR file without the channels of a frame.
-    #[error("OpenEXR: found the channels {0}; expected Y, or R, G and B, and nothing else")]
+    #[error(
+        "OpenEXR: found the channels {0}; expected Y, or R, G and B, and nothing else: save the \
+         frame with these alone"
+    )]
     ExrChannels(String),
     /// The EXR decoder gave up.
-    #[error("OpenEXR: {0}")]
-    Exr(#[from] ::exr::error::Error),
+    #[error("OpenEXR: {0}; {ANEW}")]
+    Exr(::exr::error::Error),
     /// Neither gray nor RGB.
-    #[error("found {0} samples per pixel, expected 1 (gray) or 3 (RGB)")]
+    #[error(
+        "found {0} samples per pixel, expected 1 (gray) or 3 (RGB): save the frame as one of them"
+    )]
     Channels(u32),
     /// Something that would silently be read wrong.
     #[error("{0}")]
@@ -175,7 +194,7 @@ pub enum ImageError {
     /// The header promises more pixels than the bytes can hold.
     #[error(
         "the header promises {width} x {height} x {channels} samples, which {stored} bytes of \
-         pixel data cannot hold: the file is damaged"
+         pixel data cannot hold: the file is damaged: copy it anew"
     )]
     Oversized {
         /// Pixels in a row.
@@ -203,7 +222,7 @@ pub enum ImageError {
         samples: usize,
     },
     /// The TIFF decoder or encoder gave up.
-    #[error("TIFF: {0}")]
+    #[error("TIFF: {0}; {ANEW}")]
     Tiff(::tiff::TiffError),
     /// The file ends before what it speaks of.
     #[error(
@@ -211,11 +230,50 @@ pub enum ImageError {
     )]
     CutShort(&'static str),
     /// The PNG decoder gave up.
-    #[error("PNG: {0}")]
-    PngDecoding(#[from] ::png::DecodingError),
+    #[error("PNG: {0}; {ANEW}")]
+    PngDecoding(::png::DecodingError),
+    /// Sixteen-bit samples in the order that their format does not have.
+    #[error(
+        "neighbouring counts differ by {found:.0} in the mean, and by {swapped:.0} with their bytes \
+         exchanged: expected the high byte first, as the format has it: save the frame by a program \
+         that writes it so"
+    )]
+    ByteOrder {
+        /// Mean difference of neighbours as the file stands, DN.
+        found: f64,
+        /// The same with the two bytes of every sample exchanged, DN.
+        swapped: f64,
+    },
     /// The PNG encoder gave up.
     #[error("PNG: {0}")]
     PngEncoding(#[from] ::png::EncodingError),
+}
+
+/// What to do with a file that its decoder gave up.
+const ANEW: &str = "the file is damaged, or of a kind that no camera writes: copy it anew, or save \
+                    the frame as plain 16-bit TIFF";
+
+impl From<::png::DecodingError> for ImageError {
+    fn from(error: ::png::DecodingError) -> Self {
+        match error {
+            ::png::DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+                Self::CutShort("PNG")
+            }
+            other => Self::PngDecoding(other),
+        }
+    }
+}
+
+impl From<::exr::error::Error> for ImageError {
+    fn from(error: ::exr::error::Error) -> Self {
+        match error {
+            // The crate's word for an end of the file that comes too soon.
+            ::exr::error::Error::Invalid(what) if what == "reference to missing bytes" => {
+                Self::CutShort("OpenEXR")
+            }
+            other => Self::Exr(other),
+        }
+    }
 }
 
 impl From<::tiff::TiffError> for ImageError {
@@ -272,6 +330,12 @@ pub enum Oddity {
         "the file is a radiance map, merged already; expected the frame of one exposure, so give the map to `beamspot profile` instead"
     )]
     Merged,
+    /// OpenEXR whose pixels are not those that were saved.
+    #[error(
+        "the pixels are compressed with loss ({0}); expected none, RLE, ZIP, ZIPS or PIZ: save the \
+         frame so"
+    )]
+    ExrLoss(&'static str),
     /// A layout of OpenEXR that is no plain picture.
     #[error(
         "the file is deep, subsampled, or made of several parts; expected one plain picture: save the frame alone"
@@ -332,7 +396,7 @@ pub enum Oddity {
     ManyImages,
     /// A transfer curve that is not a straight line.
     #[error(
-        "the file declares a transfer curve (sRGB, a gamma other than 1, or an ICC profile that bends); expected counts in proportion to light: save it linear, without the declaration"
+        "the file declares a transfer curve (sRGB, a gamma other than 1, PQ or HLG, or an ICC profile that bends); expected counts in proportion to light: save it linear, without the declaration"
     )]
     Curve,
 }
@@ -365,9 +429,7 @@ pub fn decode_frame_into(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, I
         Some(Format::Pnm) => pnm::decode(bytes),
         Some(Format::Exr) => exr::decode(bytes),
         Some(Format::Fits) => fits::decode(bytes),
-        None => Err(ImageError::UnknownFormat(
-            bytes.iter().take(4).copied().collect(),
-        )),
+        None => Err(ImageError::UnknownFormat(beginning::of(bytes))),
     }
 }
 
@@ -606,8 +668,8 @@ mod tests {
 
     #[test]
     fn other_formats_are_told_by_their_first_bytes() {
-        let message = decode_frame(b"P3 2 2 255\n").unwrap_err().to_string();
-        assert!(message.contains("[50, 33, 20, 32]"), "{message}");
+        let message = decode_frame(b"Px 2 2 255\n").unwrap_err().to_string();
+        assert!(message.contains("[50, 78, 20, 32]"), "{message}");
         assert!(matches!(
             decode_frame(b""),
             Err(ImageError::UnknownFormat(_))

@@ -57,7 +57,7 @@ fn every_sample_is_where_it_was_put() {
             _ => (16, true),
         };
         match decoded.depth {
-            Depth::Float => assert!(float, "{name}"),
+            Depth::Half | Depth::Float => assert!(float, "{name}"),
             Depth::Bits(found) => {
                 let expected = if kind.starts_with("32") { 32 } else { bits };
                 assert_eq!(found, expected, "{name}");

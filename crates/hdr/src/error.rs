@@ -53,6 +53,17 @@ pub enum MergeError {
         /// The dark that comes nearest, s.
         nearest_s: Option<f64>,
     },
+    /// A frame that is no light added to its dark.
+    #[error(
+        "{:.0} % of its samples lie below those of its own dark, farther than noise reaches: \
+         expected counts of the same camera and offset in both (were the frame's scaled to 0..1, \
+         shifted to other bits, or stored without their BZERO?); save frame and dark alike",
+        100.0 * share
+    )]
+    BelowDark {
+        /// Share of the samples that were looked at.
+        share: f64,
+    },
     /// Most of a channel is saturated in every frame.
     #[error(
         "{saturated} of {pixels} pixels of channel {channel} are saturated in every frame: \

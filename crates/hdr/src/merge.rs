@@ -34,6 +34,17 @@ const OWN_ROOM: f64 = 5.0;
 /// Share of a channel's pixels that, saturated in every frame, make the merge an error.
 const TOO_MANY_SATURATED: f64 = 0.5;
 
+/// Samples by which it is judged whether a frame lies above its dark.
+const LOOKED_AT: usize = 10_000;
+
+/// Standard deviations, and share of the dark, that a sample must lie below its dark to count as
+/// below: a pedestal drifts by some percent.
+const BELOW: f64 = 6.0;
+const DRIFT: f64 = 0.1;
+
+/// Share of such samples from which a frame does not belong to its dark.
+const TOO_MANY_BELOW: f64 = 0.25;
+
 /// Rows that are merged in one go by one thread.
 const BLOCK_ROWS: usize = 64;
 
@@ -206,6 +217,7 @@ impl Merge {
                 previous_s: previous.exposure_s,
             });
         }
+        self.check_above(frame, dark)?;
         let (width, height, channels) = self.size;
         // Only now: a size is not trusted with memory before a frame of that size has come.
         if self.frames.is_empty() {
@@ -278,6 +290,36 @@ impl Merge {
             saturated: used.iter().map(|used| pixels - used).collect(),
             used,
         });
+        Ok(())
+    }
+
+    /// Refuses a frame that lies below its dark: light adds to it.
+    fn check_above(&self, frame: &Frame, dark: &DarkFrame) -> Result<(), MergeError> {
+        let Sensor {
+            gain_e_per_dn: gain,
+            black_level_dn: black,
+            ..
+        } = self.sensor;
+        let read = read_variance(&self.sensor, frame.samples.rounding_variance());
+        let darks = f64::from(dark.count());
+        let count = frame.samples.len();
+        // An odd step meets every channel and every row.
+        let step = (count / LOOKED_AT).max(1) | 1;
+        let (mut seen, mut below) = (0_u32, 0_u32);
+        let (mut sample, mut level) = ([0.0_f32], [0.0_f32]);
+        for at in (0..count).step_by(step) {
+            frame.samples.copy_to(at..at + 1, &mut sample);
+            dark.copy_mean_to(at..at + 1, &mut level);
+            let (sample, level) = (f64::from(sample[0]), f64::from(level[0]));
+            let variance = (read + (level - black).max(0.0) / gain) * (1.0 + 1.0 / darks);
+            let limit = BELOW * variance.sqrt() + DRIFT * level.abs();
+            seen += 1;
+            below += u32::from(sample - level < -limit);
+        }
+        let share = f64::from(below) / f64::from(seen.max(1));
+        if share > TOO_MANY_BELOW {
+            return Err(MergeError::BelowDark { share });
+        }
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use formats::Capture;
 use formats::capture::BeamProfile;
 use physics::footprint::Beam;
 use physics::{Coefficients, RadialProfile, RadialSpread, ReducedMedium};
-use profile::{Glow, MeasuredBeam, measure_beam};
+use profile::{Glow, MeasuredBeam, White, measure_beam};
 use serde::Serialize;
 use std::f64::consts::LN_2;
 
@@ -117,7 +117,7 @@ impl From<&ChosenBeam> for BeamDocument {
     }
 }
 
-/// The beam of the channel whose white reference is `white`, of the medium `medium`, seen by pixels
+/// The beam of the channel whose white reference is `white`, of the medium `known`, seen by pixels
 /// of `pixel_mm`.
 ///
 /// A white whose own coefficients are known shows the beam as the sample's camera saw it, and goes
@@ -130,18 +130,18 @@ impl From<&ChosenBeam> for BeamDocument {
 pub fn choose(
     capture: &Capture,
     white: &RadialProfile,
-    medium: Option<ReducedMedium>,
+    known: Option<&White>,
     model: &ModelChoice,
     pixel_mm: f64,
 ) -> Result<ChosenBeam> {
     let stated = stated(capture);
-    if medium.is_none()
+    if known.is_none()
         && let Some(stated) = stated
     {
         return Ok(stated);
     }
-    let found = match medium {
-        Some(medium) => on(white, &medium, model)?,
+    let found = match known {
+        Some(known) => on(white, &known.medium, model)?,
         None => measure_beam(white, None).ok(),
     };
     let Some(found) = found else {
@@ -159,7 +159,7 @@ pub fn choose(
             },
         });
     };
-    let mut chosen = from_white(capture, white, medium, model, pixel_mm, found)?;
+    let mut chosen = from_white(white, known, model, pixel_mm, found)?;
     if let Some(stated) = stated {
         compare(&mut chosen, &stated, pixel_mm);
     }
@@ -178,9 +178,8 @@ fn on(
 }
 
 fn from_white(
-    capture: &Capture,
     white: &RadialProfile,
-    medium: Option<ReducedMedium>,
+    known: Option<&White>,
     model: &ModelChoice,
     pixel_mm: f64,
     found: MeasuredBeam,
@@ -202,26 +201,27 @@ fn from_white(
     let u_rings = RINGS_PX * pixel_mm;
     let wider = found.spread.stretched(1.0 + u_rings / fwhm_mm);
     add("beam: rings of pixels", 1.0, wider);
-    let (u_glow, other) = match medium {
-        Some(medium) => {
-            let u = capture.reference.u_sigma_s_prime_relative();
-            let other = ReducedMedium {
-                sigma_s_prime: medium.sigma_s_prime * (1.0 + u),
-                ..medium
-            };
-            (u, other)
-        }
-        None => (1.0, TYPICAL_WHITE),
+    let others = match known {
+        Some(known) => [
+            (0, "beam: absorption of the white"),
+            (1, "beam: glow of the white"),
+        ]
+        .map(|(which, name)| (name, known.off(which, 1.0).0))
+        .into_iter()
+        .filter(|(_, other)| *other != known.medium)
+        .collect(),
+        None => vec![("beam: glow of the white", TYPICAL_WHITE)],
     };
-    let mut warnings = vec![];
-    let mut off = 0.0;
-    if u_glow > 0.0
-        && let Some(otherwise) = on(white, &other, model)?
-    {
-        off = otherwise.spread.fwhm_mm() - fwhm_mm;
-        add("beam: glow of the white", 1.0, otherwise.spread);
+    let (mut off, mut u_glow) = (0.0, 0.0);
+    for (name, other) in others {
+        if let Some(otherwise) = on(white, &other, model)? {
+            off = otherwise.spread.fwhm_mm() - fwhm_mm;
+            u_glow = off.hypot(u_glow);
+            add(name, 1.0, otherwise.spread);
+        }
     }
-    if medium.is_none() {
+    let mut warnings = vec![];
+    if known.is_none() {
         warnings.push(format!(
             "the beam was measured on the white reference as if that were an ideal surface; if it \
              glows like Spectralon the beam is {:.3} mm narrower, and what that changes is in u: \
@@ -230,14 +230,14 @@ fn from_white(
         ));
     }
     Ok(ChosenBeam {
-        source: if medium.is_some() {
+        source: if known.is_some() {
             Source::White
         } else {
             Source::IdealWhite
         },
         beam: Beam::Measured(found.spread),
         fwhm_mm,
-        u_fwhm_mm: found.u_fwhm_mm.hypot(u_rings).hypot(off),
+        u_fwhm_mm: found.u_fwhm_mm.hypot(u_rings).hypot(u_glow),
         stated_fwhm_mm: None,
         misfit: Some(found.misfit),
         u_stated_mm: 0.0,

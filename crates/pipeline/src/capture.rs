@@ -1,6 +1,7 @@
 //! A manifest with its frames: loading, hashing, merging.
 
 use crate::consistency::Consistency;
+pub use crate::consistency::OfCamera;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::{Monitor, Quiet};
 use crate::reading::read_frame_of;
@@ -8,7 +9,7 @@ use crate::response::{self, Curves};
 use crate::{exposures, files};
 use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
-use formats::{Capture, Decoded, Depth, parse_manifest};
+use formats::{Capture, Decoded, parse_manifest};
 use hdr::overlap::Placed;
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap, registration};
 use physics::{Frame, Mosaic, RadianceMap, Sensor};
@@ -85,8 +86,8 @@ pub struct Merged {
     pub map: RadianceMap,
     /// What was left out, and where.
     pub report: MergeReport,
-    /// How the samples are stored, and the camera that the files name.
-    pub kind: (Option<Depth>, Option<String>),
+    /// What the files tell of the camera.
+    pub of_camera: OfCamera,
     /// What the files themselves gave reason to say, in sentences.
     pub notes: Vec<String>,
     /// Every frame and dark.
@@ -137,7 +138,17 @@ pub struct Workspace {
     frame: Room,
     dark: Room,
     /// For sums: the values of a picture that has served.
-    pub(crate) sums: Vec<f32>,
+    sums: Vec<f32>,
+}
+
+impl Workspace {
+    /// Takes the memory of a picture that has served, and leaves it without pixels.
+    pub(crate) fn take_back(&mut self, map: &mut RadianceMap) {
+        for channel in &mut map.channels {
+            self.sums = std::mem::take(&mut channel.value);
+            channel.variance = vec![];
+        }
+    }
 }
 
 /// A file of a frame and what it says.
@@ -164,6 +175,9 @@ const REMAINING_PX: f64 = 0.8;
 
 /// What one pass over the frames gives.
 type Pass = (RadianceMap, MergeReport, Vec<Input>, Consistency);
+
+/// The same before the sum becomes a picture.
+type Sum = (Merge, Vec<Input>, Consistency);
 
 /// By how many whole pixels each frame has to move to be where the others are.
 fn moves_back(comparison: &Comparison) -> Vec<[i32; 2]> {
@@ -257,6 +271,7 @@ impl Loaded {
             for (all, [right, down]) in moves.iter_mut().zip(further) {
                 *all = [all[0] + right, all[1] + down];
             }
+            workspace.take_back(&mut merged.0);
             (merged, comparison) =
                 self.compare(subject, sensor, workspace, &Quiet(monitor), &moves)?;
         }
@@ -270,14 +285,11 @@ impl Loaded {
         let (map, report, inputs, seen) = if uses_measured {
             // The frames once more, each as long as the others say that it was.
             let quiet = Quiet(monitor);
-            self.merge_as(
-                subject,
-                sensor,
-                workspace,
-                &quiet,
-                &moves,
-                |_, index, _, _| Ok(comparison.frames[index].measured_s),
-            )?
+            workspace.take_back(&mut merged.0);
+            let exposure_s =
+                |_: &_, index: usize, _: &_, _: &_| Ok(comparison.frames[index].measured_s);
+            let sum = self.sum(subject, sensor, workspace, &quiet, &moves, exposure_s)?;
+            self.finished(subject, sum)?
         } else {
             merged
         };
@@ -285,13 +297,13 @@ impl Loaded {
             Some(mosaic) => hdr::mosaic::unfolded(&mosaic, map, &report),
             None => (map, report),
         };
-        let kind = seen.kind();
+        let of_camera = seen.of_camera();
         let mut notes = seen.notes(frames, sensor.white_level_dn);
         notes.extend(self.shift_notes(subject, &comparison, &moves));
         Ok(Merged {
             map,
             report,
-            kind,
+            of_camera,
             notes,
             inputs,
             comparison,
@@ -309,7 +321,7 @@ impl Loaded {
         moves: &[[i32; 2]],
     ) -> Result<(Pass, Comparison)> {
         let mut overlap = Overlap::new(sensor);
-        let merged = self.merge_as(
+        let sum = self.sum(
             subject,
             sensor,
             workspace,
@@ -322,7 +334,9 @@ impl Loaded {
                 Ok(entry.exposure_s)
             },
         )?;
-        Ok((merged, overlap.finish()))
+        // First the end of the one: the variance of the other takes the memory.
+        let comparison = overlap.finish();
+        Ok((self.finished(subject, sum)?, comparison))
     }
 
     /// What became of frames that were shifted.
@@ -361,7 +375,7 @@ impl Loaded {
 
     /// One pass over the frames, each moved by its `moves`; `exposure` says how long each was
     /// exposed.
-    fn merge_as(
+    fn sum(
         &self,
         subject: Subject,
         sensor: &Sensor,
@@ -369,7 +383,7 @@ impl Loaded {
         monitor: &dyn Monitor,
         moves: &[[i32; 2]],
         mut exposure: impl FnMut(&FrameEntry, usize, &Frame, &DarkFrame) -> Result<f64>,
-    ) -> Result<Pass> {
+    ) -> Result<Sum> {
         let mut merge: Option<Merge> = None;
         let mut sums = std::mem::take(&mut workspace.sums);
         let (inputs, seen) =
@@ -390,10 +404,19 @@ impl Loaded {
                     .add_measured(frame, dark, entry.exposure_s, measured_s)
                     .input(self.place(&entry.file))
             })?;
-        let place = format!("{}: {}.frames", self.input.path.display(), subject.field());
-        let merge = merge.ok_or_else(|| Error::new(Kind::Input, format!("{place}: empty")))?;
-        let (map, report) = merge.finish().input(place)?;
+        let empty = || Error::new(Kind::Input, format!("{}: empty", self.frames_of(subject)));
+        Ok((merge.ok_or_else(empty)?, inputs, seen))
+    }
+
+    /// The picture that a sum makes, with its variance.
+    fn finished(&self, subject: Subject, (merge, inputs, seen): Sum) -> Result<Pass> {
+        let (map, report) = merge.finish().input(self.frames_of(subject))?;
         Ok((map, report, inputs, seen))
+    }
+
+    /// The field of the manifest that lists the frames of `subject`.
+    fn frames_of(&self, subject: Subject) -> String {
+        format!("{}: {}.frames", self.input.path.display(), subject.field())
     }
 
     /// Refuses a frame that does not belong to the others.
@@ -402,8 +425,18 @@ impl Loaded {
         for (entry, placed) in entries.iter().zip(&comparison.frames) {
             let place = self.place(&entry.file);
             if placed.is_off(WRONG_EXPOSURE) {
+                let links = &comparison.links;
+                let measured = links.iter().filter(|link| link.ratio.is_some()).count();
+                let open = if measured < links.len() {
+                    format!(
+                        " (only {measured} of {} steps between exposures could be measured, so that its neighbour may be the one that is off)",
+                        links.len()
+                    )
+                } else {
+                    String::new()
+                };
                 let message = format!(
-                    "{place}: exposed {:.4} s as compared with the other frames of {}, and exposure_s = {}: expected the same within {:.0} %; correct exposure_s, or leave the frame out if light or aperture changed",
+                    "{place}: exposed {:.4} s as compared with the other frames of {}, and exposure_s = {}: expected the same within {:.0} %{open}; correct exposure_s, or leave the frame out if light or aperture changed",
                     placed.measured_s,
                     subject.field(),
                     placed.nominal_s,

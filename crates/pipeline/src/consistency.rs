@@ -10,6 +10,36 @@ use std::collections::BTreeMap;
 /// The largest count of 14 bits, the most that is looked for in files of 16.
 const MOST_PACKED: u16 = 16383;
 
+/// What files tell of the camera and of how it counts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OfCamera {
+    /// How the samples are stored.
+    pub depth: Option<Depth>,
+    /// Maker, model and number.
+    pub camera: Option<String>,
+    /// Sensitivity, which stands for the gain.
+    pub iso: Option<u64>,
+}
+
+impl OfCamera {
+    /// Whether the other set may be of the same camera at the same gain: what a file does not say
+    /// contradicts nothing.
+    pub fn agrees(&self, other: &Self) -> bool {
+        let differ = |a: bool, b: bool, same: bool| a && b && !same;
+        self.depth == other.depth
+            && !differ(
+                self.camera.is_some(),
+                other.camera.is_some(),
+                self.camera == other.camera,
+            )
+            && !differ(
+                self.iso.is_some(),
+                other.iso.is_some(),
+                self.iso == other.iso,
+            )
+    }
+}
+
 /// Watches the frames of a set as they are read.
 #[derive(Debug, Default)]
 pub(crate) struct Consistency {
@@ -130,13 +160,13 @@ impl Consistency {
         Ok(())
     }
 
-    /// Depth and camera, to compare with another set.
-    pub(crate) fn kind(&self) -> (Option<Depth>, Option<String>) {
-        let depth = self.first.as_ref().map(|(_, depth)| *depth);
-        (
-            depth,
-            self.camera.as_ref().map(|(_, camera)| camera.clone()),
-        )
+    /// What one set has to have in common with another.
+    pub(crate) fn of_camera(&self) -> OfCamera {
+        OfCamera {
+            depth: self.first.as_ref().map(|(_, depth)| *depth),
+            camera: self.camera.as_ref().map(|(_, camera)| camera.clone()),
+            iso: self.iso.as_ref().map(|(_, iso)| *iso),
+        }
     }
 
     /// The least count at and above which a file says that samples are saturated.
@@ -174,6 +204,13 @@ impl Consistency {
         }
         for (exposure_s, count) in repeated.into_iter().filter(|(_, count)| *count > 1) {
             notes.push(format!("{count} frames of {exposure_s} s: all were used"));
+        }
+        if matches!(self.first, Some((_, Depth::Half))) {
+            notes.push(
+                "the samples are floating-point numbers of 16 bits, which round counts beyond 2048 to \
+                 11 bits: that rounding is not in u; save 32 bits, or whole numbers"
+                    .to_owned(),
+            );
         }
         if matches!(self.first, Some((_, Depth::Bits(9..)))) && self.largest > 0 {
             let idle = self.bits.trailing_zeros();
@@ -216,6 +253,7 @@ mod tests {
             mosaic: None,
             white_level_dn: None,
             curve: false,
+            loss: None,
         }
     }
 
@@ -269,5 +307,25 @@ mod tests {
             .unwrap();
         seen.see(&entry("b.tif"), "b", &decoded(16), &silent, None)
             .unwrap();
+    }
+
+    #[test]
+    fn two_sets_agree_where_neither_says_otherwise() {
+        let set = |camera: Option<&str>, iso| OfCamera {
+            depth: Some(Depth::Bits(16)),
+            camera: camera.map(str::to_owned),
+            iso,
+        };
+        let sample = set(Some("Maker One"), Some(100));
+        assert!(sample.agrees(&set(Some("Maker One"), Some(100))));
+        assert!(sample.agrees(&set(None, None)) && set(None, None).agrees(&sample));
+        assert!(!sample.agrees(&set(Some("Maker Two"), Some(100))));
+        // The same scene at another gain is brighter, and no exposure time says so.
+        assert!(!sample.agrees(&set(Some("Maker One"), Some(400))));
+        let halves = OfCamera {
+            depth: Some(Depth::Half),
+            ..sample.clone()
+        };
+        assert!(!sample.agrees(&halves));
     }
 }

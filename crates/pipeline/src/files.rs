@@ -49,6 +49,11 @@ fn a_folder(path: &Path) -> Error {
 /// the kernel copies four times as fast into it as into memory.
 const PIECE: usize = 1 << 17;
 
+/// The least memory of a file, in words: more than the 32 MiB up to which glibc may take it from a
+/// heap, where what is given back stays, and what has grown leaves a hole. A page that nothing is
+/// written to costs nothing.
+const OWN_PAGES: usize = 33 << 19;
+
 /// A file in the memory of `words`, and the hash of its bytes.
 ///
 /// # Errors
@@ -57,8 +62,17 @@ const PIECE: usize = 1 << 17;
 pub(crate) fn read_into(path: &Path, mut words: Vec<u16>) -> Result<(FileWords, blake3::Hash)> {
     words.clear();
     let mut file = there(File::open(path), path)?;
-    let length = file.metadata().input(path.display())?.len();
-    words.reserve_exact(usize::try_from(length).unwrap_or(0).div_ceil(2));
+    let metadata = file.metadata().input(path.display())?;
+    if metadata.is_dir() {
+        let found = "is a folder; expected the file of a frame: correct the name";
+        return Err(Error::new(
+            Kind::Input,
+            format!("{}: {found}", path.display()),
+        ));
+    }
+    let length = metadata.len();
+    let needed = usize::try_from(length).unwrap_or(0).div_ceil(2);
+    words.reserve_exact(needed.max(OWN_PAGES));
     let mut total = 0;
     let mut hasher = blake3::Hasher::new();
     let mut read = |piece: &mut [u16]| -> Result<usize> {

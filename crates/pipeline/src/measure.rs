@@ -22,10 +22,8 @@ use fit::{Constraint, Direction, DirectionKind, Fit};
 use formats::capture as manifest;
 use formats::exr::{ChannelScale, RadianceFile};
 use hdr::Comparison;
-use physics::{
-    Material, ProfilePoint, RadialProfile, RadianceMap, ReducedMedium, TotalReflectance, fresnel,
-};
-use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View};
+use physics::{Material, ProfilePoint, RadialProfile, RadianceMap, TotalReflectance, fresnel};
+use profile::{Exit, Measured, ProfileOptions, ReferenceOptions, Scale, View, White};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -79,7 +77,7 @@ pub struct Radiance {
     /// What makes each uncertain.
     pub scale_inputs: Vec<Vec<ScaleInput>>,
     /// The white of each channel as matter that glows, where the manifest knows it.
-    pub whites: Vec<Option<ReducedMedium>>,
+    pub whites: Vec<Option<White>>,
     /// Stray light in the picture of the sample, channel by channel, in units of R_d, mm⁻²:
     /// already subtracted.
     pub veils: Vec<Veil>,
@@ -136,24 +134,24 @@ pub struct Measurement {
 
 /// Sample and reference must come from one camera, as far as their files tell.
 fn refuse_other_camera(loaded: &Loaded, sample: &Merged, reference: &Merged) -> Result<()> {
-    let ((depth, camera), (white_depth, white_camera)) = (&sample.kind, &reference.kind);
-    let told = |depth: &Option<_>, merged: &Merged, camera: &Option<String>| {
-        let depth = depth.map_or(String::new(), |depth: formats::Depth| depth.to_string());
-        let mosaic = merged.map.mosaic;
-        let mosaic = mosaic.map_or(String::new(), |m| format!("mosaic {m} "));
-        format!("{depth} {mosaic}{}", camera.as_deref().unwrap_or_default())
+    let told = |merged: &Merged| {
+        let of = &merged.of_camera;
+        let depth = of.depth.map(|depth| depth.to_string());
+        let mosaic = merged.map.mosaic.map(|mosaic| format!("mosaic {mosaic}"));
+        let iso = of.iso.map(|iso| format!("ISO {iso}"));
+        let all = [depth, mosaic, of.camera.clone(), iso];
+        all.into_iter().flatten().collect::<Vec<_>>().join(" ")
     };
-    let other = camera.is_some() && white_camera.is_some() && camera != white_camera;
     let alike = sample.map.mosaic == reference.map.mosaic;
-    if depth == white_depth && alike && !other {
+    if alike && sample.of_camera.agrees(&reference.of_camera) {
         return Ok(());
     }
     let message = format!(
         "{}: the frames of the sample ({}) and of the reference ({}) differ: expected the same \
-         camera and counts for both",
+         camera, counts and gain for both, so photograph both alike",
         loaded.input.path.display(),
-        told(depth, sample, camera).trim(),
-        told(white_depth, reference, white_camera).trim()
+        told(sample),
+        told(reference)
     );
     Err(Error::new(Kind::Input, message))
 }
@@ -176,10 +174,7 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let camera_angle = geometry::camera_angle(loaded, &view, &reference.map)?;
     let exit = exit(&loaded.capture, camera_angle.angle);
     let whites = reference_scales(loaded, &reference, view, exit)?;
-    for channel in &mut reference.map.channels {
-        workspace.sums = std::mem::take(&mut channel.value);
-        channel.variance = vec![];
-    }
+    workspace.take_back(&mut reference.map);
     let mut sample = loaded.merge(Subject::Sample, &sensor, &mut workspace, monitor)?;
     drop(workspace);
     loaded.add_noise_of_rendering(&mut sample)?;
@@ -217,9 +212,6 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
     let mut veils = vec![];
     let mut media = vec![];
     for (index, (mut scale, name)) in whites.into_iter().zip(sample.map.names()).enumerate() {
-        let medium = reflectance
-            .medium(index, count)
-            .input(loaded.input.path.display())?;
         let mut inputs = vec![
             ScaleInput {
                 source: "white reference: certificate",
@@ -228,11 +220,6 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
             ScaleInput {
                 source: "white reference: noise",
                 u_relative: scale.u_noise_relative,
-            },
-            ScaleInput {
-                // What leaves outside the picture goes as 1/σₛ′ of the white.
-                source: "white reference: light outside",
-                u_relative: (1.0 - scale.share) * reflectance.u_sigma_s_prime_relative(),
             },
             ScaleInput {
                 source: "white reference: stray light",
@@ -258,13 +245,16 @@ pub fn radiance(loaded: &Loaded, monitor: &dyn Monitor) -> Result<Radiance> {
         // What changes nothing is no line of a budget.
         inputs.retain(|input| input.u_relative > NO_LINE);
         veils.push(Veil::of(means[index], &scale, u_dark));
-        scale.u_relative = fitting::u_relative(&inputs);
+        // What the white's coefficients change is no factor alone: the fit is told of it as it is.
+        scale.u_relative = (scale.by_white.iter()).fold(fitting::u_relative(&inputs), |u, off| {
+            u.hypot(off.factor_relative)
+        });
         scale_inputs.push(inputs);
         let (rejected, unmeasured) = (scale.rejected_pixels, scale.unmeasured_pixels);
         let line = crate::capture::left_out(Subject::Reference, name, rejected, unmeasured);
         merge_lines.extend(line);
         scales.push(scale);
-        media.push(medium);
+        media.push(known_white(loaded, index, count)?);
     }
     let mut estimated: Vec<String> = found.iter().map(Found::line).collect();
     if u_exposure > 0.0 {
@@ -382,6 +372,19 @@ fn off(points: &[ProfilePoint], errors: impl Fn(&ProfilePoint) -> Vec<f64>) -> V
     (0..ways).map(of_way).collect()
 }
 
+/// The white as a medium, in channel `index` of `count`, where the manifest knows it.
+fn known_white(loaded: &Loaded, index: usize, count: usize) -> Result<Option<White>> {
+    let reference = &loaded.capture.reference;
+    let place = || loaded.input.path.display();
+    let medium = reference.medium(index, count).input(place())?;
+    let u_sigma_a = reference.u_sigma_a_per_mm(index, count).input(place())?;
+    Ok(medium.map(|medium| White {
+        medium,
+        u_sigma_a,
+        u_sigma_s_prime: reference.u_sigma_s_prime_relative() * medium.sigma_s_prime,
+    }))
+}
+
 /// The scale that each channel of the merged white sets.
 fn reference_scales(
     loaded: &Loaded,
@@ -394,16 +397,12 @@ fn reference_scales(
     let count = reference.map.names().len();
     let of_channel = |index: usize| {
         let white = reference.map.channel(index);
-        let medium = capture
-            .reference
-            .medium(index, count)
-            .input(loaded.input.path.display())?;
         let options = ReferenceOptions {
             view,
             center_px: None,
             reflectance: capture.reference.reflectance,
             u_reflectance: capture.reference.u_reflectance(),
-            medium,
+            white: known_white(loaded, index, count)?,
             exit,
         };
         profile::reference_scale(&white, width, height, &options).input(format!(
@@ -425,6 +424,7 @@ impl Radiance {
     fn directions(&self, index: usize, measured: &Measured) -> Vec<Direction> {
         let mut all = self.veils[index].directions(measured);
         let scale = &self.scales[index];
+        all.extend(self.veils[index].of_white(scale, measured));
         // What the sensor saw, DN/s: stray light included.
         let (veil, per_dn) = (self.veils[index].offset, scale.factor_per_mm2);
         let sample = |p: &ProfilePoint| (p.reflectance_per_mm2 + veil) / per_dn;
@@ -577,10 +577,10 @@ pub fn measure(loaded: &Loaded, choices: &Choices, monitor: &dyn Monitor) -> Res
     let beams = (radiance.scales.par_iter())
         .zip(&radiance.whites)
         .zip(&measured)
-        .map(|((scale, medium), m)| {
+        .map(|((scale, known), m)| {
             let pixel_mm = radiance.view.blur_mm(m.center_px);
             let model = model.with_stand_in();
-            beam::choose(capture, &scale.white, *medium, &model, pixel_mm)
+            beam::choose(capture, &scale.white, known.as_ref(), &model, pixel_mm)
         })
         .collect::<Result<Vec<_>>>()
         .map_err(|e| e.within(place()))?;

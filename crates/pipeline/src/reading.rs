@@ -56,6 +56,7 @@ fn or_raw<'a>(
                 mosaic: raw.mosaic,
                 white_level_dn: Some(raw.white_level_dn),
                 curve: false,
+                loss: None,
             })
         }
         other => other.input(path.display()),

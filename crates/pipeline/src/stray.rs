@@ -34,13 +34,16 @@ pub struct Veil {
     pub u: f64,
     /// The same as a share of the picture's other light, as the white reference shows it.
     pub share: f64,
-    /// Standard uncertainty of the share on the white.
+    /// Standard uncertainty of the share on the white, what its coefficients leave open included.
     pub u_share: f64,
     /// Whether the white shows it; otherwise it could only be bounded, and nothing was subtracted.
     pub measured: bool,
     /// Standard uncertainty, in the unit of the picture, of what darks leave of themselves: as far
     /// as those of sample and reference differ.
     pub u_dark: f64,
+    /// Change of the offset, in the unit of the picture, for each of the white's coefficients off by
+    /// its standard uncertainty; `u` leaves it out.
+    pub by_white: [f64; 2],
 }
 
 /// What `fit.json` says of stray light.
@@ -52,6 +55,7 @@ pub struct VeilDocument {
     share: f64,
     u_share: f64,
     u_dark_per_mm2: f64,
+    u_white_per_mm2: f64,
 }
 
 impl From<&Veil> for VeilDocument {
@@ -63,6 +67,7 @@ impl From<&Veil> for VeilDocument {
             share: veil.share,
             u_share: veil.u_share,
             u_dark_per_mm2: veil.u_dark,
+            u_white_per_mm2: veil.u_white(),
         }
     }
 }
@@ -100,16 +105,23 @@ impl Veil {
                 u_share: 0.0,
                 measured: false,
                 u_dark,
+                by_white: [0.0; 2],
             };
         };
         let direct = mean.max(0.0) / (1.0 + stray.share);
+        // Of the light that is there, what one share more takes from the other.
+        let per_share = direct / (1.0 + stray.share);
         Self {
             offset: stray.share * direct,
             u: direct * stray.u_share.hypot(TRANSFER * stray.share),
             share: stray.share,
-            u_share: stray.u_share,
+            u_share: scale
+                .by_white
+                .iter()
+                .fold(stray.u_share, |u: f64, off| u.hypot(off.stray_share)),
             measured: stray.measured,
             u_dark,
+            by_white: scale.by_white.map(|off| per_share * off.stray_share),
         }
     }
 
@@ -119,6 +131,7 @@ impl Veil {
             offset: factor * self.offset,
             u: factor * self.u,
             u_dark: factor * self.u_dark,
+            by_white: self.by_white.map(|offset| factor * offset),
             ..self
         }
     }
@@ -132,9 +145,39 @@ impl Veil {
             .collect()
     }
 
+    /// The ways in which profile and total are off where a coefficient of the white is, which sets
+    /// their `scale` and tells its glow from stray light.
+    pub(crate) fn of_white(&self, scale: &Scale, measured: &Measured) -> Vec<Direction> {
+        let radius = measured.total.radius_max_mm.unwrap_or(0.0);
+        let area = PI * radius * radius;
+        let each = scale.by_white.iter().zip(self.by_white);
+        each.map(|(off, offset)| {
+            let changed = |light: f64, area: f64| off.factor_relative * light - offset * area;
+            let points = measured.profile.points.iter();
+            Direction {
+                source: off.source,
+                kind: DirectionKind::Absolute,
+                profile: points
+                    .map(|p| changed(p.reflectance_per_mm2, 1.0))
+                    .collect(),
+                total: changed(measured.total.total_reflectance, area),
+            }
+        })
+        .collect()
+    }
+
     /// Standard uncertainty of stray light and darks together.
     pub(crate) fn u_offset(&self) -> f64 {
-        self.u.hypot(self.u_dark)
+        self.u_all().hypot(self.u_dark)
+    }
+
+    /// Standard uncertainty of stray light with what the white's coefficients leave open.
+    fn u_all(&self) -> f64 {
+        self.u.hypot(self.u_white())
+    }
+
+    fn u_white(&self) -> f64 {
+        self.by_white[0].hypot(self.by_white[1])
     }
 
     /// What it is and how it is known.
@@ -146,7 +189,7 @@ impl Veil {
                  picture's light; the fit holds {:.1e} mm^-2 for it",
                 percent(self.share),
                 percent(self.u_share),
-                self.u
+                self.u_all()
             )
         } else if self.measured {
             format!(
@@ -156,7 +199,7 @@ impl Veil {
                 percent(self.share),
                 percent(self.u_share),
                 self.offset,
-                self.u
+                self.u_all()
             )
         } else {
             format!(
@@ -164,7 +207,7 @@ impl Veil {
                  near its spot or the white absorbs: nothing was subtracted, and u holds {} of the \
                  picture's light, {:.1e} mm^-2",
                 percent(self.u_share),
-                self.u
+                self.u_all()
             )
         }
     }
@@ -174,7 +217,7 @@ impl Veil {
         let last = profile.points.last()?.reflectance_per_mm2;
         let part = |light: f64| light / (last + self.offset).max(f64::MIN_POSITIVE);
         if !self.measured {
-            let known = part(self.u) < NAMED;
+            let known = part(self.u_all()) < NAMED;
             return (!known).then(|| self.sentence());
         }
         (fit.share_outside > FILLS && part(self.offset) > NAMED).then(|| {

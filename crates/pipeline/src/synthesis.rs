@@ -522,6 +522,7 @@ fn manifest_of(
             sigma_s_prime_per_mm: per_channel(white.sigma_s_prime_per_mm(camera.channels)),
             u_sigma_s_prime_relative: Some(0.0),
             sigma_a_per_mm: per_channel(white.sigma_a_per_mm(camera.channels)),
+            u_sigma_a_per_mm: Some(manifest::PerChannel::All(0.0)),
             eta: Some(white.eta),
             mask: None,
             leave_out: vec![],

@@ -29,6 +29,7 @@
 //! | [`view`] | [`View`]: from pixels to millimetres |
 //! | [`beam`] | [`measure_beam`] |
 //! | [`stray`] | [`stray_light`]: what lens and housing spread evenly |
+//! | [`white`] | [`White`]: the reference as a medium, and how well that is known |
 //! | [`error`] | [`ProfileError`] |
 
 pub mod beam;
@@ -45,6 +46,7 @@ pub mod stray;
 mod survey;
 mod sweep;
 pub mod view;
+pub mod white;
 
 pub use beam::{Glow, MeasuredBeam, measure_beam};
 pub use center::find_center;
@@ -52,7 +54,8 @@ pub use error::ProfileError;
 pub use glow::{GlowCenter, glow_center};
 pub use moments::{Background, BeamMoments, beam_moments};
 pub use radial::{Measured, ProfileOptions, radial_profile, unscaled_profile};
-pub use scale::{Exit, ReferenceOptions, Scale, reference_scale};
+pub use scale::{Exit, OffWhite, ReferenceOptions, Scale, reference_scale};
 pub use slice::slice_profile;
 pub use stray::{Stray, stray_light};
 pub use view::View;
+pub use white::White;

@@ -5,6 +5,7 @@ use crate::radial::ProfileOptions;
 use crate::stray::{Stray, stray_light};
 use crate::survey::Survey;
 use crate::view::View;
+use crate::white::{SOURCES, White};
 use physics::{ChannelMap, DiffuseFresnel, Dipole, RadialProfile, ReducedMedium, fresnel};
 
 /// How light that leaves the sample spreads over directions.
@@ -44,7 +45,7 @@ pub struct ReferenceOptions {
     /// Standard uncertainty of that.
     pub u_reflectance: f64,
     /// The white as a medium, which spreads light too; `None` for an ideal surface.
-    pub medium: Option<ReducedMedium>,
+    pub white: Option<White>,
     /// How the *sample* lets light out. The white itself is a Lambertian surface.
     pub exit: Exit,
 }
@@ -54,8 +55,8 @@ pub struct ReferenceOptions {
 pub struct Scale {
     /// Exitance per incident power, mm⁻², for one DN/s.
     pub factor_per_mm2: f64,
-    /// Relative standard uncertainty of the factor: the white's reflectance, and noise and stray
-    /// light of its picture.
+    /// Relative standard uncertainty of the factor: the white's reflectance and coefficients, and
+    /// noise and stray light of its picture.
     pub u_relative: f64,
     /// Its part that comes from the noise of the white's picture.
     pub u_noise_relative: f64,
@@ -83,6 +84,20 @@ pub struct Scale {
     pub unmeasured_pixels: u64,
     /// Share of the circle's light for which the rest of the rings stands.
     pub unseen_share: f64,
+    /// What the white's own coefficients, off by their standard uncertainty, change.
+    pub by_white: [OffWhite; 2],
+}
+
+/// What one coefficient of the white changes that is larger by its standard uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OffWhite {
+    /// The coefficient, as a budget calls it.
+    pub source: &'static str,
+    /// Relative change of [`Scale::factor_per_mm2`]: by the light that leaves outside the circle,
+    /// and by what is taken for stray light.
+    pub factor_relative: f64,
+    /// Change of the share of stray light.
+    pub stray_share: f64,
 }
 
 /// The scale that the white reference in `channel`, in DN/s, sets.
@@ -139,26 +154,41 @@ pub fn reference_scale(
     let survey = Survey::new(channel, width, height, &in_own_unit)?;
     let mut measured = survey.measured(channel, &in_own_unit);
     let mean = channel.mean_measured();
-    let stray = stray_light(&measured.profile, options.medium.as_ref(), mean);
+    let stray = stray_light(&measured.profile, options.white.as_ref(), mean);
     measured = measured.less(stray.map_or(0.0, |stray| stray.offset));
     let total = &measured.total;
     if total.total_reflectance <= 0.0 {
         return Err(ProfileError::DarkReference(total.total_reflectance));
     }
     let radius_mm = total.radius_max_mm.expect("a measured total has a radius");
-    let share = options.medium.map_or(1.0, |medium| {
-        let dipole = Dipole::new(&medium, DiffuseFresnel::Exact);
+    let inside = |medium: &ReducedMedium| {
+        let dipole = Dipole::new(medium, DiffuseFresnel::Exact);
         1.0 - dipole.beyond(radius_mm) / dipole.beyond(0.0)
-    });
+    };
+    let share = options.white.map_or(1.0, |white| inside(&white.medium));
     let pixel = survey.unit_mm * survey.unit_mm;
     let u_noise_relative = total.u_total_reflectance / total.total_reflectance;
     let even_relative = std::f64::consts::PI * radius_mm * radius_mm / total.total_reflectance;
     let u_stray_relative = stray.map_or(0.0, |s| s.u * even_relative);
+    let sides = options.white.map(|white| white.sides());
+    let by_white = [0, 1].map(|which| {
+        let shift = stray.map_or_else(Default::default, |stray| stray.by_white[which]);
+        let inside = sides.map_or(0.0, |sides| sides[which].change(inside));
+        OffWhite {
+            source: SOURCES[which],
+            // Light that is taken for stray light is missing in the white's own.
+            factor_relative: inside / share + shift.offset * even_relative,
+            stray_share: shift.share,
+        }
+    });
     Ok(Scale {
         factor_per_mm2: reflectance * share / (total.total_reflectance * exit),
         u_relative: (u_reflectance / reflectance)
             .hypot(u_noise_relative)
-            .hypot(u_stray_relative),
+            .hypot(u_stray_relative)
+            .hypot(by_white[0].factor_relative)
+            .hypot(by_white[1].factor_relative),
+        by_white,
         u_noise_relative,
         stray,
         u_stray_relative,
@@ -205,7 +235,7 @@ mod tests {
             center_px: None,
             reflectance: 0.99,
             u_reflectance: 0.005,
-            medium: None,
+            white: None,
             exit: Exit::Lambert,
         }
     }
@@ -240,7 +270,7 @@ mod tests {
     fn the_white_glows_and_the_sample_is_seen_from_an_angle() {
         let plain = reference_scale(&reference(), 128, 128, &options()).unwrap();
         let full = ReferenceOptions {
-            medium: Some(WHITE),
+            white: Some(White::exact(WHITE)),
             exit: Exit::Fresnel {
                 eta: 1.5,
                 angle: 0.0,

@@ -1,5 +1,6 @@
 //! Stray light: what lens and housing spread evenly over the picture.
 
+use crate::white::White;
 use gauss_quad::GaussHermite;
 use nalgebra::{Matrix3, Vector3};
 use physics::{DiffuseFresnel, Dipole, ProfilePoint, RadialProfile, ReducedMedium};
@@ -43,6 +44,31 @@ pub struct Stray {
     pub u_share: f64,
     /// Whether the far field showed it; otherwise it lies between nothing and a bound.
     pub measured: bool,
+    /// By how much offset and share change where σₐ and σₛ′ of the white are larger by their own
+    /// standard uncertainty; `u` and `u_share` leave it out.
+    pub by_white: [Shift; 2],
+}
+
+/// A change of stray light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Shift {
+    /// Of the offset.
+    pub offset: f64,
+    /// Of the share.
+    pub share: f64,
+}
+
+impl Stray {
+    /// Whether it is light: a white that absorbs more than is stated ends below 0.
+    fn is_sound(&self) -> bool {
+        self.offset > -BELOW * self.u
+    }
+
+    /// Standard uncertainty of the offset with what the white's coefficients leave open.
+    fn u_all(&self) -> f64 {
+        let [a, s] = self.by_white;
+        self.u.hypot(a.offset).hypot(s.offset)
+    }
 }
 
 /// Stray light in the picture of a white reference, whose profile is `white`: what is left in the
@@ -52,18 +78,31 @@ pub struct Stray {
 /// and its beam are, and one whose coefficients are known as its dipole d(r) + c d(r)/r²; how
 /// bright that is is found along with the offset. What a Gaussian beam makes of r⁻³ goes on:
 /// 1 + c/r² + 1.39 c²/r⁴ + …, which at a beam of 1 mm is worth twice the noise, so that c gives the width of a
-/// beam over which the form is averaged. `mean` is the mean of all pixels of the picture,
+/// beam over which the form is averaged. An absorption that is stated too high makes the form end
+/// too soon, and what is left of the glow looks like stray light, many times its noise: what each
+/// coefficient may be off is found by another one. `mean` is the mean of all pixels of the picture,
 /// in the unit of the profile. Of a picture without light nothing is found.
-pub fn stray_light(
-    white: &RadialProfile,
-    medium: Option<&ReducedMedium>,
-    mean: f64,
-) -> Option<Stray> {
-    let dipole = medium.map(|m| Dipole::new(m, DiffuseFresnel::Exact));
-    let bound = bounded(&white.points, dipole.as_ref(), mean);
-    let found = measured(&white.points, &Glow::of(dipole.as_ref()), mean);
+pub fn stray_light(profile: &RadialProfile, white: Option<&White>, mean: f64) -> Option<Stray> {
+    let points = &profile.points;
+    let dipole_of = |medium: &ReducedMedium| Dipole::new(medium, DiffuseFresnel::Exact);
+    let dipole = white.map(|white| dipole_of(&white.medium));
+    let bound = bounded(points, dipole.as_ref(), mean);
+    let found = measured(points, &Glow::of(dipole.as_ref()), mean);
+    let found = found.filter(Stray::is_sound).map(|found| Stray {
+        by_white: white.map_or([Shift::default(); 2], |white| {
+            let otherwise = |medium: &ReducedMedium| {
+                let dipole = dipole_of(medium);
+                measured(points, &Glow::of(Some(&dipole)), mean).unwrap_or(found)
+            };
+            white.sides().map(|sides| Shift {
+                offset: sides.change(|medium| otherwise(medium).offset),
+                share: sides.change(|medium| otherwise(medium).share),
+            })
+        }),
+        ..found
+    });
     match (found, bound) {
-        (Some(found), Some(bound)) if found.u > bound.u => Some(bound),
+        (Some(found), Some(bound)) if found.u_all() > bound.u => Some(bound),
         (found, bound) => found.or(bound),
     }
 }
@@ -137,13 +176,13 @@ fn measured(points: &[ProfilePoint], glow: &Glow, mean: f64) -> Option<Stray> {
     let offset = found[2];
     let u = widened * covariance[(2, 2)].sqrt();
     let direct = mean - offset;
-    let sound = u.is_finite() && direct > 0.0 && offset > -BELOW * u;
-    sound.then(|| Stray {
+    (u.is_finite() && direct > 0.0).then(|| Stray {
         offset,
         u,
         share: offset / direct,
         u_share: u / direct,
         measured: true,
+        by_white: [Shift::default(); 2],
     })
 }
 
@@ -208,6 +247,7 @@ fn bounded(points: &[ProfilePoint], dipole: Option<&Dipole>, mean: f64) -> Optio
         share: 0.0,
         u_share: u / mean,
         measured: false,
+        by_white: [Shift::default(); 2],
     })
 }
 
@@ -253,8 +293,9 @@ mod tests {
                 sigma_s_prime: 25.0,
                 ..WHITE
             };
-            for medium in [Some(&WHITE), Some(&other), None] {
-                let found = stray_light(&white(offset), medium, 6e-4 + offset).unwrap();
+            for medium in [Some(WHITE), Some(other), None] {
+                let medium = medium.map(White::exact);
+                let found = stray_light(&white(offset), medium.as_ref(), 6e-4 + offset).unwrap();
                 assert!(found.measured && found.u < 1e-7, "{found:?}");
                 // The data have no noise: what is off is the glow's form, and far below u.
                 assert!(
@@ -294,7 +335,7 @@ mod tests {
                 let electrons = 5e10 * p.area_mm2() * light;
                 p.u_reflectance_per_mm2 = light / electrons.sqrt();
             }
-            let found = stray_light(&profile, Some(&WHITE), 6e-4).unwrap();
+            let found = stray_light(&profile, Some(&White::exact(WHITE)), 6e-4).unwrap();
             let off = (found.offset - offset) / found.u;
             assert!(found.measured && off.abs() < 0.1, "{off}: {found:?}");
         }
@@ -305,14 +346,14 @@ mod tests {
         for offset in [0.0, 1e-4] {
             let mut near = white(offset);
             near.points.truncate(12);
-            for medium in [Some(&WHITE), None] {
-                let found = stray_light(&near, medium, 0.1).unwrap();
+            for medium in [Some(White::exact(WHITE)), None] {
+                let found = stray_light(&near, medium.as_ref(), 0.1).unwrap();
                 assert!(!found.measured && found.offset == 0.0, "{found:?}");
                 // What the last rings hold at 2 mm.
                 let last = near.points[11].reflectance_per_mm2;
                 assert!(found.u > offset / 3.0 && found.u < last, "{found:?}");
             }
-            let known = stray_light(&near, Some(&WHITE), 0.1).unwrap();
+            let known = stray_light(&near, Some(&White::exact(WHITE)), 0.1).unwrap();
             let unknown = stray_light(&near, None, 0.1).unwrap();
             assert!(known.u < unknown.u, "{known:?} {unknown:?}");
         }
@@ -329,7 +370,7 @@ mod tests {
         for p in &mut profile.points {
             p.reflectance_per_mm2 = dipole.diffuse_reflectance(p.radius_mm.hypot(0.3));
         }
-        let found = stray_light(&profile, Some(&WHITE), 6e-4).unwrap();
+        let found = stray_light(&profile, Some(&White::exact(WHITE)), 6e-4).unwrap();
         assert!(!found.measured && found.offset == 0.0, "{found:?}");
     }
 }

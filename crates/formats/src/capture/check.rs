@@ -392,6 +392,10 @@ impl Capture<Frames> {
         for value in dark_white.map_or(&[][..], PerChannel::values) {
             within("reference.sigma_a_per_mm", Some(*value), 0.0.., absorption)?;
         }
+        let u = reference.u_sigma_a_per_mm.as_ref();
+        for value in u.map_or(&[][..], PerChannel::values) {
+            within("reference.u_sigma_a_per_mm", Some(*value), 0.0.., U)?;
+        }
         match (white, dark_white) {
             (Some(_), None) => Err(CaptureError::HalfAWhite {
                 missing: "sigma_a_per_mm",
@@ -438,6 +442,7 @@ impl Capture<Frames> {
                 sigma_s_prime_per_mm: reference.sigma_s_prime_per_mm,
                 u_sigma_s_prime_relative: reference.u_sigma_s_prime_relative,
                 sigma_a_per_mm: reference.sigma_a_per_mm,
+                u_sigma_a_per_mm: reference.u_sigma_a_per_mm,
                 eta: reference.eta,
                 mask: reference.mask,
                 leave_out: reference.leave_out,
@@ -642,6 +647,7 @@ u_reflectance = 0.005
 sigma_s_prime_per_mm = 11.6
 u_sigma_s_prime_relative = 0.05
 sigma_a_per_mm = 0
+u_sigma_a_per_mm = 2e-5
 eta = 1.35
 frames = [ { file = "white_01.tif", exposure_s = 0.004 } ]
 dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
@@ -676,9 +682,15 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
 
     #[test]
     fn the_white_has_one_number_for_all_channels_or_one_for_each() {
-        let text = GOOD.replace("= 11.6", "= [11.6, 20.4, 14.9]");
+        let text = GOOD
+            .replace("= 11.6", "= [11.6, 20.4, 14.9]")
+            .replace("= 2e-5", "= [1e-5, 2e-5, 3e-5]");
         let capture = parse_capture(&text).unwrap();
         assert_eq!(parse_capture(&capture.to_toml()).unwrap(), capture);
+        let u = |index, channels| capture.reference.u_sigma_a_per_mm(index, channels);
+        assert_eq!(u(2, 3).unwrap(), 3e-5);
+        assert!(u(0, 1).is_err());
+        assert!(message("= 2e-5", "= -1").contains("reference.u_sigma_a_per_mm`: found -1"));
         let white = |index, channels| capture.reference.medium(index, channels);
         let green = white(1, 3).unwrap().unwrap();
         assert_eq!((green.sigma_s_prime, green.sigma_a), (20.4, 0.0));
@@ -717,11 +729,20 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
             .collect::<Vec<_>>()
             .join("\n");
         let capture = parse_capture(&text).unwrap();
-        let assumed: Vec<_> = capture
+        let mut assumed: Vec<_> = capture
             .assumptions()
             .into_iter()
             .map(|a| (a.field, a.value))
             .collect();
+        // Half of what loses 1 % of the light: by hand, 1 - R = (1 + 2A/3) k, A = 2.60 at 1.3 and
+        // k = sqrt(3 sigma_a / 11.6), to first order.
+        let at = assumed
+            .iter()
+            .position(|a| a.0 == "reference.u_sigma_a_per_mm");
+        let (_, u) = assumed.remove(at.unwrap());
+        let k: f64 = 0.01 / (1.0 + 2.0 / 3.0 * 2.60);
+        let by_hand = 0.5 * 11.6 * k * k / 3.0;
+        assert!((u / by_hand - 1.0).abs() < 0.03, "{u} {by_hand}");
         let expected = [
             ("u_eta", 0.01),
             ("geometry.u_mm_per_pixel", 0.00025),

@@ -73,6 +73,7 @@ reflectance = {mark}               # total diffuse reflectance of the white, as 
 # u_reflectance = 0.01
 # sigma_s_prime_per_mm =        # of the white itself, which glows too
 # sigma_a_per_mm =
+# u_sigma_a_per_mm =            # left out: half of it, or of what absorbs the light that is lost
 frames = {}
 dark = {}
 ",

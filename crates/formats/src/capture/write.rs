@@ -117,6 +117,7 @@ impl Capture {
             reference.u_sigma_s_prime_relative,
         );
         text.per_channel("sigma_a_per_mm", reference.sigma_a_per_mm.as_ref());
+        text.per_channel("u_sigma_a_per_mm", reference.u_sigma_a_per_mm.as_ref());
         text.optional("eta", reference.eta);
         text.left_out(reference.mask.as_deref(), &reference.leave_out);
         text.frames("frames", &reference.frames);

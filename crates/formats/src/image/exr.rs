@@ -7,11 +7,12 @@ use ::exr::image::read::image::ReadLayers;
 use ::exr::image::read::layers::ReadChannels;
 use ::exr::math::Vec2;
 use ::exr::meta::MetaData;
+use ::exr::meta::attribute::SampleType;
 use physics::{Frame, Samples};
 use std::io::Cursor;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
-    let (width, height, channels) = check_header(bytes)?;
+    let (width, height, channels, depth, loss) = check_header(bytes)?;
     let image = ::exr::image::read::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -50,16 +51,20 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     check_finite(&frame)?;
     Ok(Decoded {
         frame,
-        depth: Depth::Float,
+        depth,
         mosaic: None,
         white_level_dn: None,
         curve: false,
+        loss,
     })
 }
 
-/// Width, height and channels. Refuses what the decoder would allocate for, or leave out, before
+/// Width, height, channels, depth, and the name of a compression that loses something.
+type Header = (u32, u32, usize, Depth, Option<&'static str>);
+
+/// What the header says. Refuses what the decoder would allocate for, or leave out, before
 /// it is asked.
-fn check_header(bytes: &[u8]) -> Result<(u32, u32, usize), ImageError> {
+fn check_header(bytes: &[u8]) -> Result<Header, ImageError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false)?;
     let odd = |oddity| Err(ImageError::Odd(oddity));
     let [header] = meta.headers.as_slice() else {
@@ -83,6 +88,24 @@ fn check_header(bytes: &[u8]) -> Result<(u32, u32, usize), ImageError> {
     if names != ["Y"] && names != ["B", "G", "R"] {
         return Err(ImageError::ExrChannels(names.join(", ")));
     }
+    let all = |kind| list.iter().all(|channel| channel.sample_type == kind);
+    let depth = if all(SampleType::U32) {
+        Depth::Bits(32)
+    } else if list
+        .iter()
+        .any(|channel| channel.sample_type == SampleType::F16)
+    {
+        Depth::Half
+    } else {
+        Depth::Float
+    };
+    let loss = match header.compression {
+        Compression::B44 | Compression::B44A => Some("B44"),
+        Compression::DWAA(_) | Compression::DWAB(_) => Some("DWA"),
+        // It keeps 24 bits of 32, and halves as they are.
+        Compression::PXR24 if !all(SampleType::F16) => Some("PXR24"),
+        _ => None,
+    };
     let ratio = match header.compression {
         Compression::Uncompressed => 1,
         _ => LARGEST_RATIO,
@@ -94,7 +117,7 @@ fn check_header(bytes: &[u8]) -> Result<(u32, u32, usize), ImageError> {
     let size = [width, height, names.len() as u32];
     // Half floats, the shortest, are the most that the bytes can hold.
     sample_count(size, bytes.len() as u64, ratio, 16)?;
-    Ok((width, height, names.len()))
+    Ok((width, height, names.len(), depth, loss))
 }
 
 #[cfg(test)]
@@ -106,12 +129,16 @@ mod tests {
     };
 
     fn file(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
+        packed(channels, Encoding::SMALL_LOSSLESS)
+    }
+
+    fn packed(channels: &[(&str, FlatSamples)], encoding: Encoding) -> Vec<u8> {
         let list = channels
             .iter()
             .map(|(name, samples)| AnyChannel::new(*name, samples.clone()));
         let channels = AnyChannels::sort(list.collect());
         let attributes = LayerAttributes::default();
-        let layer = Layer::new((2, 1), attributes, Encoding::SMALL_LOSSLESS, channels);
+        let layer = Layer::new((2, 1), attributes, encoding, channels);
         let mut out = Cursor::new(Vec::new());
         let image = Image::from_layer(layer);
         image.write().non_parallel().to_buffered(&mut out).unwrap();
@@ -137,5 +164,31 @@ mod tests {
         let bad = file(&[("Y", FlatSamples::F32(vec![0.0, f32::INFINITY]))]);
         let found = decode_frame(&bad).unwrap_err().to_string();
         assert!(found.contains("pixel 1, 0: found inf"), "{found}");
+    }
+
+    #[test]
+    fn what_was_packed_with_loss_is_refused_and_depths_are_told_apart() {
+        let float = FlatSamples::F32(vec![1.0; 2]);
+        let half = FlatSamples::F16(vec![::exr::prelude::f16::ONE; 2]);
+        let whole = FlatSamples::U32(vec![1; 2]);
+        let lossy = Encoding {
+            compression: Compression::PXR24,
+            ..Encoding::UNCOMPRESSED
+        };
+        let found = decode_frame(&packed(&[("Y", float.clone())], lossy)).unwrap();
+        let found = found.linear(true).unwrap_err().to_string();
+        assert!(found.contains("with loss (PXR24)"), "{found}");
+        let same = decode_frame(&packed(&[("Y", half.clone())], lossy)).unwrap();
+        assert_eq!(
+            same.linear(false).unwrap().samples,
+            Samples::F32(vec![1.0; 2])
+        );
+        for (plane, depth) in [
+            (float, Depth::Float),
+            (half, Depth::Half),
+            (whole, Depth::Bits(32)),
+        ] {
+            assert_eq!(decode_frame(&file(&[("Y", plane)])).unwrap().depth, depth);
+        }
     }
 }

@@ -58,7 +58,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     let data = &bytes[header.end..needed as usize];
     let count = sample_count(size, data.len() as u64, 1, bits.unsigned_abs())?;
     if count == 0 {
-        return Err(wrong(&header, "NAXIS1", "at least one pixel"));
+        let empty = if width == 0 { "NAXIS1" } else { "NAXIS2" };
+        return Err(wrong(&header, empty, "at least one pixel"));
     }
     // Blocks of zeros may follow, or an extension with another picture.
     let behind = bytes.get((needed as usize).div_ceil(BLOCK) * BLOCK..);
@@ -67,6 +68,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     }
     let zero = scaling(&header, "BZERO", 0.0)?;
     let scale = scaling(&header, "BSCALE", 1.0)?;
+    if scale == 0.0 {
+        return Err(wrong(&header, "BSCALE", "a number other than 0"));
+    }
     // BLANK is a stored number, before it is scaled.
     let blank = match header.card("BLANK") {
         Some(_) if bits > 0 => {
@@ -116,6 +120,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         mosaic: mosaic.filter(|_| axes == 2),
         white_level_dn: None,
         curve: false,
+        loss: None,
     })
 }
 
@@ -264,7 +269,7 @@ mod tests {
     fn what_is_no_frame_is_refused_with_its_reason() {
         let nan = f32::NAN.to_be_bytes();
         let nan = [nan, nan].concat();
-        let cases: [(&[&str], &[u8], &str); 8] = [
+        let cases: [(&[&str], &[u8], &str); 9] = [
             (&["BITPIX  = 24"], &[0; 8], "BITPIX is 24"),
             (&[], &[0; 8], "BITPIX is missing"),
             (
@@ -279,6 +284,7 @@ mod tests {
                 "pixel 1, 0: found 2",
             ),
             (&["BITPIX  = 8", "BZERO   = x"], &[1, 2], "BZERO is x"),
+            (&["BITPIX  = 8", "BSCALE  = 0"], &[1, 2], "BSCALE is 0"),
             (&["BITPIX  = -32"], &nan, "pixel 0, 0: found NaN"),
             (&["BITPIX  = 16"], &[], "cut short"),
         ];

@@ -1,9 +1,13 @@
 //! PNG frames.
 
 use super::{Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, icc, sample_count, size_to_write};
+use crate::metadata::{behind_png, png_chunk, tags};
 use physics::Frame;
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
 use std::io::{Cursor, Write};
+
+/// Code of a transfer function that is a straight line (ITU-T H.273, table 3).
+const STRAIGHT: u8 = 8;
 
 pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, ImageError> {
     let mut reader = Decoder::new(Cursor::new(bytes)).read_info()?;
@@ -31,7 +35,18 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
         .gama_chunk
         .is_none_or(|gamma| (gamma.into_value() - 1.0).abs() < 1e-3);
     let profile = info.icc_profile.as_deref();
-    let curve = info.srgb.is_some() || !straight || profile.is_some_and(icc::bends);
+    let coded = info.coding_independent_code_points;
+    let curve = info.srgb.is_some()
+        || !straight
+        || profile.is_some_and(icc::bends)
+        || coded.is_some_and(|code| code.transfer_function != STRAIGHT);
+    let turned = png_chunk(bytes, *b"eXIf").and_then(tags::orientation);
+    if let Some(orientation) = turned.filter(|orientation| *orientation != 1) {
+        return Err(ImageError::Odd(Oddity::Orientation(orientation)));
+    }
+    if behind_png(bytes).starts_with(b"\x89PNG") {
+        return Err(ImageError::Odd(Oddity::ManyImages));
+    }
     let (width, height) = (info.width, info.height);
     let size = [width, height, channels];
     let count = sample_count(size, bytes.len() as u64, LARGEST_RATIO, bits)?;
@@ -76,6 +91,7 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
         mosaic: None,
         white_level_dn: None,
         curve,
+        loss: None,
     })
 }
 
@@ -249,6 +265,35 @@ mod tests {
         for (size, indices) in [((3, 2), vec![0; 5]), ((1, 1), vec![3]), ((0, 0), vec![])] {
             assert!(encode_indexed_png(size, &indices, &palette, vec![]).is_err());
         }
+    }
+
+    /// The same with a chunk before its pixels.
+    fn with_chunk(bytes: &[u8], name: [u8; 4], body: &[u8]) -> Vec<u8> {
+        // Behind the signature and IHDR.
+        let (head, rest) = bytes.split_at(33);
+        let named = [&name[..], body].concat();
+        let mut out = head.to_vec();
+        out.extend((body.len() as u32).to_be_bytes());
+        out.extend(&named);
+        out.extend(crc(&named).to_be_bytes());
+        out.extend(rest);
+        out
+    }
+
+    #[test]
+    fn what_a_viewer_would_heed_is_not_passed_over() {
+        let plain = file(ColorType::Grayscale, BitDepth::Sixteen, &[0; 4]);
+        let pq = decode_frame(&with_chunk(&plain, *b"cICP", &[9, 16, 0, 1])).unwrap();
+        let straight = decode_frame(&with_chunk(&plain, *b"cICP", &[1, 8, 0, 1])).unwrap();
+        assert!(pq.curve && !straight.curve);
+        let mut exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+        exif.extend([6, 0, 0, 0, 0, 0, 0, 0]);
+        let turned = message(&with_chunk(&plain, *b"eXIf", &exif));
+        assert!(turned.contains("Orientation is 6"), "{turned}");
+        exif[18] = 1;
+        assert!(decode_frame(&with_chunk(&plain, *b"eXIf", &exif)).is_ok());
+        let two = message(&[&plain[..], &plain].concat());
+        assert!(two.contains("several images"), "{two}");
     }
 
     #[test]

@@ -56,6 +56,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
             expected: "at most the largest value that the header announces",
         });
     }
+    if maximum > 255 {
+        check_order(&samples)?;
+    }
     Ok(Decoded {
         frame: Frame {
             width: width as usize,
@@ -63,11 +66,35 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
             channels: channels as usize,
             samples: samples.into(),
         },
-        depth: Depth::Bits(if maximum > 255 { 16 } else { 8 }),
+        // As many as the largest value takes: counts up to 4095 are not those of 16 bits.
+        depth: Depth::Bits((u16::BITS - maximum.leading_zeros()).max(8) as u16),
         mosaic: None,
-        white_level_dn: None,
+        white_level_dn: (255 < maximum && maximum < u16::MAX).then(|| f64::from(maximum)),
         curve: false,
+        loss: None,
     })
+}
+
+/// How many times smoother a picture has to be with its bytes exchanged to be one of those.
+const SMOOTHER: f64 = 4.0;
+
+/// Refuses samples whose low byte comes first: some programs write them so, against the format. A
+/// step of one count is then one of 256, and noise, which fills the low byte, most of the range.
+fn check_order(samples: &[u16]) -> Result<(), ImageError> {
+    // Counts of 8 bits in the high byte are as likely as their exchange.
+    if samples.iter().all(|sample| sample & 0xff == 0) {
+        return Ok(());
+    }
+    let mean = |of: fn(u16) -> u16| {
+        let steps = samples.windows(2);
+        let sum: u64 = steps.map(|s| u64::from(of(s[0]).abs_diff(of(s[1])))).sum();
+        sum as f64 / samples.len() as f64
+    };
+    let (found, swapped) = (mean(|sample| sample), mean(u16::swap_bytes));
+    if found > SMOOTHER * swapped {
+        return Err(ImageError::ByteOrder { found, swapped });
+    }
+    Ok(())
 }
 
 fn header(what: &'static str) -> ImageError {
@@ -112,7 +139,7 @@ mod tests {
                 &[1, 255],
                 8,
             ),
-            (b"P5\n1 2\t4095\r\x01\x02\x0f\xff", 1, &[0x0102, 4095], 16),
+            (b"P5\n1 2\t4095\r\x01\x02\x0f\xff", 1, &[0x0102, 4095], 12),
             (b"P6 1 1 255 \x01\x02\x03", 3, &[1, 2, 3], 8),
         ];
         for (bytes, channels, samples, bits) in cases {
@@ -120,6 +147,27 @@ mod tests {
             assert_eq!(decoded.frame.channels, channels);
             assert_eq!(decoded.frame.samples, samples.to_vec().into());
             assert_eq!(decoded.depth, Depth::Bits(bits));
+        }
+    }
+
+    #[test]
+    fn the_low_byte_first_is_noticed() {
+        // A slope with noise, in steps of 16 as of 12 bits in the high ones, and a flat dark.
+        let noise = |i: u16| (i.wrapping_mul(40503) >> 12) % 7;
+        let pictures: [Vec<u16>; 3] = [
+            (0..900).map(|i| 40 * i + noise(i)).collect(),
+            (0..900).map(|i| 16 * (2 * i + noise(i))).collect(),
+            (0..900).map(|i| 252 + noise(i)).collect(),
+        ];
+        for picture in pictures {
+            let of = |bytes: fn(u16) -> [u8; 2]| {
+                let pixels = picture.iter().flat_map(|s| bytes(*s));
+                let file: Vec<u8> = b"P5 30 30 65535\n".iter().copied().chain(pixels).collect();
+                decode_frame(&file)
+            };
+            assert!(of(u16::to_be_bytes).is_ok());
+            let found = of(u16::to_le_bytes).unwrap_err().to_string();
+            assert!(found.contains("expected the high byte first"), "{found}");
         }
     }
 

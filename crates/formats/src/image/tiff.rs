@@ -68,6 +68,7 @@ pub(super) fn decode(
     };
     let bits = match depth {
         Depth::Bits(bits) => bits.into(),
+        Depth::Half => 16,
         Depth::Float => 32,
     };
     let count = sample_count([width, height, channels], stored, ratio, bits)?;
@@ -134,6 +135,7 @@ pub(super) fn decode(
         mosaic,
         white_level_dn,
         curve,
+        loss: None,
     };
     Ok((decoded, place))
 }

@@ -1,6 +1,7 @@
 //! A merge against a sensor that is simulated electron by electron.
 
 use super::*;
+use physics::Samples;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal, Poisson, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -457,4 +458,32 @@ fn what_a_saturated_pixel_spills_over_does_not_count() {
         assert!(off.abs() < 1e-3, "{i}: {value}");
     }
     assert_eq!(report.frames[1].saturated, [9]);
+}
+
+#[test]
+fn a_frame_below_its_dark_is_refused_and_a_dim_one_is_not() {
+    let rng = &mut Pcg64Mcg::seed_from_u64(8);
+    let size = (60, 50);
+    let dark = expose(&SENSOR, size, |_| 0.0, |_| 0.0, 0.1, rng);
+    // A tenth of a count of light at most, a pedestal that has drifted by 5 %, and counts that
+    // were divided by 16.
+    let dim = expose(&SENSOR, size, |_| 1.0, |_| 0.0, 0.1, rng);
+    let with = |change: fn(u16) -> u16| {
+        let Samples::U16(counts) = &dim.samples else {
+            unreachable!("a camera counts");
+        };
+        Frame {
+            samples: counts.iter().map(|c| change(*c)).collect::<Vec<_>>().into(),
+            ..dim
+        }
+    };
+    let merge = |frame: &Frame| {
+        let mut merge = Merge::new(size.0, size.1, 1, &SENSOR).unwrap();
+        merge.add(frame, &DarkFrame::new(&dark, 0.1).unwrap(), 0.1)
+    };
+    assert_eq!(merge(&dim), Ok(()));
+    assert_eq!(merge(&with(|count| count - 15)), Ok(()));
+    let refused = merge(&with(|count| count / 16)).unwrap_err();
+    assert_eq!(refused, MergeError::BelowDark { share: 1.0 });
+    assert!(refused.to_string().starts_with("100 % of its samples"));
 }

@@ -115,7 +115,7 @@ fn values(
     }
     let (white, by_curve) = match depth {
         Depth::Bits(bits) => (f64::from(1_u32 << bits.min(16)) - 1.0, of == Of::Albedo),
-        Depth::Float => (1.0, false),
+        Depth::Half | Depth::Float => (1.0, false),
     };
     let samples = frame.samples.to_f32();
     let value = |sample: &f32| {
