@@ -343,7 +343,7 @@ fn inputs_off(directions: &[Direction], nuisances: &[f64]) -> Vec<Warning> {
 
 impl Summary {
     /// What a user should know of these numbers.
-    fn warn(&self, u_scale: f64, ceiling: f64, warnings: &mut Vec<Warning>) {
+    pub(crate) fn warn(&self, u_scale: f64, ceiling: f64, warnings: &mut Vec<Warning>) {
         if self.widened > 1.0 {
             warnings.push(Warning::PoorFit {
                 reduced_chi2: self.reduced_chi2,

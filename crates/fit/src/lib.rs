@@ -38,7 +38,7 @@ pub use budget::Contribution;
 pub use many::{ManyFits, Profiles, Totals, fit_many};
 pub use options::{Constraint, Direction, DirectionKind, FitOptions};
 pub use result::{Estimate, Fit, FitError, Residual, Termination, TotalFit, Warning};
-pub use unit::another_unit;
+pub use unit::{another_unit, doubts_unit};
 
 use geometry::Geometry;
 use physics::{Coefficients, ForwardModel, ProfilePoint, RadialProfile, TotalReflectance};

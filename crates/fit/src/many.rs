@@ -4,7 +4,7 @@ use crate::conclude::Summary;
 use crate::geometry::Geometry;
 use crate::options::{Constraint, FitOptions};
 use crate::problem::{self, Data, Measured, Memory};
-use crate::result::{Estimate, Fit, FitError, Termination};
+use crate::result::{Estimate, Fit, FitError, Termination, Warning};
 use physics::{ForwardModel, ProfilePoint};
 use rayon::prelude::*;
 
@@ -69,6 +69,10 @@ pub struct ManyFits {
     pub termination: Vec<Option<Termination>>,
     /// Which profiles could not be fitted, and why. Channels are named by the profile's index.
     pub errors: Vec<(usize, FitError)>,
+    /// What should be known of which profile, in their order: what [`crate::fit`] says of each, but
+    /// for [`Warning::OnePointDecides`] and [`Warning::InputOff`], which would want the model once
+    /// more.
+    pub warnings: Vec<(usize, Warning)>,
 }
 
 /// Profiles that one thread fits in one go, with one memory.
@@ -123,10 +127,10 @@ pub fn fit_many(
     problem::check_radii(&all, profiles.points.iter().map(|p| p.radius_mm))?;
     let geometry = Geometry::new(profiles.points, &all, options)?;
 
-    let one = |memory: &mut Memory, i: usize| -> Result<Summary, FitError> {
+    let one = |memory: &mut Memory, i: usize, warnings: &mut Vec<Warning>| {
         let channel = || i.to_string();
         let row = &values[i * points..(i + 1) * points];
-        let u = if u.len() == points {
+        let all_u = if u.len() == points {
             u
         } else {
             &u[i * points..(i + 1) * points]
@@ -136,7 +140,7 @@ pub fn fit_many(
             u: t.u_total_reflectance[i],
             radius_max_mm: t.radius_max_mm,
         });
-        let pairs = row.iter().copied().zip(u.iter().copied());
+        let pairs = row.iter().copied().zip(all_u.iter().copied());
         problem::check_values(&channel, profiles.points, pairs, total, options)?;
         problem::check_total(&channel, total, options)?;
         let fitted = geometry
@@ -150,10 +154,10 @@ pub fn fit_many(
             .is_none_or(|&last| last + 1 == fitted.end);
         let (picked, picked_u): (Vec<f64>, Vec<f64>);
         let (value, u) = if contiguous {
-            (&row[fitted.clone()], &u[fitted])
+            (&row[fitted.clone()], &all_u[fitted])
         } else {
             picked = geometry.indices.iter().map(|&j| row[j]).collect();
-            picked_u = geometry.indices.iter().map(|&j| u[j]).collect();
+            picked_u = geometry.indices.iter().map(|&j| all_u[j]).collect();
             (&picked[..], &picked_u[..])
         };
         let data = Data {
@@ -165,36 +169,44 @@ pub fn fit_many(
             options,
             channel: &channel,
         };
-        let (mut problem, solution, _) = crate::search(data, std::mem::take(memory))?;
+        let (mut problem, solution, near) = crate::search(data, std::mem::take(memory))?;
         let summary = problem.summary(&solution);
         *memory = problem.memory;
-        Ok(summary)
+        warnings.extend(near);
+        summary.warn(options.u_scale_relative, options.entry_factor, warnings);
+        let measured = profiles.points.iter().zip(row.iter().zip(all_u));
+        let measured = measured.map(|(p, (value, u))| (p.radius_mm, *value, *u));
+        warnings.extend(problem::negative_light(measured));
+        Ok::<Summary, FitError>(summary)
     };
 
     let mut summaries: Vec<Option<Summary>> = vec![None; n];
-    let mut errors: Vec<(usize, FitError)> = summaries
+    // Of every run, in the order of its profiles.
+    let said: Vec<(Vec<_>, Vec<_>)> = summaries
         .par_chunks_mut(RUN)
         .enumerate()
-        .map_init(Memory::default, |memory, (run, out)| {
-            let mut errors = vec![];
+        .map_init(Default::default, |(memory, said), (run, out)| {
+            let (mut errors, mut warnings) = (vec![], vec![]);
             for (j, out) in out.iter_mut().enumerate() {
                 let i = run * RUN + j;
-                match one(memory, i) {
+                match one(memory, i, said) {
                     Ok(summary) => *out = Some(summary),
                     Err(error) => errors.push((i, error)),
                 }
+                warnings.extend(said.drain(..).map(|warning| (i, warning)));
             }
-            errors
+            (errors, warnings)
         })
-        .flatten_iter()
         .collect();
-    errors.sort_by_key(|e| e.0);
-    Ok(ManyFits::new(&summaries, errors))
+    let (errors, warnings): (Vec<_>, Vec<_>) = said.into_iter().unzip();
+    let mut found = ManyFits::new(&summaries, errors.into_iter().flatten().collect());
+    found.warnings = warnings.into_iter().flatten().collect();
+    Ok(found)
 }
 
 impl ManyFits {
     /// Puts what [`crate::fit`] says of profile `i`, asked in another way, in the place of what is
-    /// there. Nothing where there is no such profile.
+    /// there, but for its warnings. Nothing where there is no such profile.
     pub fn replace(&mut self, i: usize, found: Result<&Fit, FitError>) {
         if i >= self.sigma_a.len() {
             return;

@@ -223,6 +223,11 @@ pub(crate) fn check_options(options: &FitOptions, points: usize) -> Result<(), F
             expected,
         });
     }
+    if let Some((start_mm, end_mm)) = options.range_mm
+        && !(start_mm >= 0.0 && start_mm < end_mm)
+    {
+        return Err(FitError::BadRange { start_mm, end_mm });
+    }
     let footprints = options.footprints.as_ref().map(|f| f.len());
     if let Some(found) = footprints.filter(|found| *found != points) {
         return Err(FitError::BadOption {
@@ -376,21 +381,30 @@ const BELOW_ZERO: f64 = 5.0;
 /// Share of all the weight at which one point decides alone.
 const ALONE: f64 = 0.95;
 
+/// The value furthest below 0, where noise cannot have done it: of (radius, value, u).
+pub(crate) fn negative_light(
+    measured: impl Iterator<Item = (f64, f64, f64)> + Clone,
+) -> Option<Warning> {
+    // Hardly any profile has one, and of many profiles each is asked.
+    if !measured
+        .clone()
+        .any(|(_, value, u)| value < -BELOW_ZERO * u)
+    {
+        return None;
+    }
+    let lowest = measured.min_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)));
+    lowest.map(|(radius_mm, value, u)| Warning::NegativeLight {
+        radius_mm,
+        value,
+        u,
+    })
+}
+
 /// What is possible, but strange, about the data behind a fit.
 pub(crate) fn suspicions(profile: &RadialProfile, found: &Fit) -> Vec<Warning> {
-    let mut warnings = vec![];
-    let below = |p: &ProfilePoint| p.reflectance_per_mm2 / p.u_reflectance_per_mm2;
-    let lowest = profile
-        .points
-        .iter()
-        .min_by(|a, b| below(a).total_cmp(&below(b)));
-    if let Some(p) = lowest.filter(|p| below(p) < -BELOW_ZERO) {
-        warnings.push(Warning::NegativeLight {
-            radius_mm: p.radius_mm,
-            value: p.reflectance_per_mm2,
-            u: p.u_reflectance_per_mm2,
-        });
-    }
+    let points = profile.points.iter();
+    let measured = points.map(|p| (p.radius_mm, p.reflectance_per_mm2, p.u_reflectance_per_mm2));
+    let mut warnings: Vec<Warning> = negative_light(measured).into_iter().collect();
     let says = |r: &Residual| (r.model_per_mm2 / r.u_per_mm2).powi(2);
     let all: f64 = found.residuals.iter().map(says).sum();
     let most = found

@@ -352,6 +352,16 @@ pub enum FitError {
         /// How many points the profile has.
         expected: usize,
     },
+    /// The range ends before it starts.
+    #[error(
+        "range_mm: expected the first and the last radius in mm, as 0.8 and 15, got {start_mm} and {end_mm}"
+    )]
+    BadRange {
+        /// Start of the range, mm.
+        start_mm: f64,
+        /// End of the range, mm.
+        end_mm: f64,
+    },
     /// An option lies outside its domain.
     #[error("{name} must be {expected}, got {found}")]
     BadOption {

@@ -11,6 +11,15 @@ const BAD: f64 = 9.0;
 /// Share of it that may be left where the profile is in the other unit.
 const CURED: f64 = 0.1;
 
+fn is_scale_off(warning: &Warning) -> bool {
+    matches!(warning, Warning::ScaleOff { .. })
+}
+
+/// Whether a fit is bad enough for [`another_unit`] to be asked at all.
+pub fn doubts_unit<'a>(reduced_chi2: f64, warnings: impl IntoIterator<Item = &'a Warning>) -> bool {
+    reduced_chi2 >= BAD || warnings.into_iter().any(is_scale_off)
+}
+
 /// Whether a profile whose fit `found` is bad would be well fitted were its light a power of ten
 /// more or less, as it is where its radii or its values are in another unit.
 ///
@@ -22,11 +31,8 @@ pub fn another_unit(
     found: &Fit,
     fitted: impl Fn(&RadialProfile, f64) -> Option<Fit>,
 ) -> Option<Warning> {
-    let scale_off = |fit: &Fit| {
-        let mut warnings = fit.warnings.iter();
-        warnings.any(|w| matches!(w, Warning::ScaleOff { .. }))
-    };
-    if found.reduced_chi2 < BAD && !scale_off(found) {
+    let scale_off = |fit: &Fit| fit.warnings.iter().any(is_scale_off);
+    if !doubts_unit(found.reduced_chi2, &found.warnings) {
         return None;
     }
     let cured = |power: &i32| {

@@ -240,3 +240,20 @@ fn a_scale_is_free_or_exact_but_not_both() {
     let refused = run_with(&profile(), &options).unwrap_err();
     assert_eq!(refused, FitError::ScaleIsExact);
 }
+
+#[test]
+fn a_range_that_ends_before_it_starts_is_refused_by_its_name() {
+    for range_mm in [(15.0, 1.0), (3.0, 3.0), (-1.0, 5.0), (f64::NAN, 5.0)] {
+        let options = FitOptions {
+            range_mm: Some(range_mm),
+            u_scale_relative: 0.01,
+            ..FitOptions::default()
+        };
+        let error = run_with(&profile(), &options).unwrap_err();
+        assert!(matches!(error, FitError::BadRange { .. }), "{error}");
+        assert!(
+            error.to_string().starts_with("range_mm: expected"),
+            "{error}"
+        );
+    }
+}

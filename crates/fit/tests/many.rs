@@ -5,7 +5,7 @@
     reason = "a failed step of a test is a failed test"
 )]
 
-use fit::{Constraint, FitError, FitOptions, ManyFits, Profiles, Totals, fit, fit_many};
+use fit::{Constraint, FitError, FitOptions, ManyFits, Profiles, Totals, Warning, fit, fit_many};
 use physics::{
     DiffuseFresnel, Dipole, DipoleModel, ProfilePoint, RadialProfile, ReducedMedium,
     TotalReflectance,
@@ -96,6 +96,7 @@ fn many_at_once_are_the_same_as_one_by_one_and_the_broken_ones_stop_nobody() {
             ..FitOptions::default()
         };
         let found = run(&many, &options);
+        let mut warned = 0;
         let broken: Vec<usize> = found.errors.iter().map(|e| e.0).collect();
         assert_eq!(broken, [7, 70, 100]);
         assert!(matches!(&found.errors[0].1, FitError::BadPoint { channel, .. } if channel == "7"));
@@ -136,6 +137,10 @@ fn many_at_once_are_the_same_as_one_by_one_and_the_broken_ones_stop_nobody() {
                     assert_eq!(found.scale[n], one.scale, "{n}");
                     assert_eq!(found.start_mm[n], one.range_mm.0, "{n}");
                     assert_eq!(found.termination[n], Some(one.termination), "{n}");
+                    let said = found.warnings.iter().filter(|w| w.0 == n);
+                    let said: Vec<Warning> = said.map(|w| w.1).collect();
+                    assert_eq!(said, one.warnings, "{n}");
+                    warned += said.len();
                 }
                 Err(error) => {
                     assert!(found.sigma_a[n].is_nan() && found.termination[n].is_none());
@@ -146,6 +151,8 @@ fn many_at_once_are_the_same_as_one_by_one_and_the_broken_ones_stop_nobody() {
                 }
             }
         }
+        assert!(found.warnings.is_sorted_by_key(|w| w.0));
+        assert_eq!(found.warnings.len(), warned);
     }
 }
 
