@@ -7,11 +7,13 @@
 //! leaves the bytes of one that was not. A lock keeps two batches apart; it is the operating
 //! system's, which takes it back from a process that dies.
 
+mod document;
 mod list;
 mod record;
 mod room;
 mod summary;
 
+pub use document::Document;
 pub use list::{List, Listed};
 
 use crate::capture::{self, Loaded};
@@ -34,6 +36,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const CAPTURES: &str = "captures";
 /// Where the lock is, and what is on its way.
 const HIDDEN: &str = ".beamspot-batch";
+/// The lock, there.
+const LOCK: &str = "lock";
 
 /// How a batch is run.
 #[derive(Clone, Debug)]
@@ -137,6 +141,97 @@ pub fn run(list: &List, folder: &Path, options: &Options, monitor: &dyn Monitor)
     run_by(list, folder, options, monitor, &measure)
 }
 
+/// A batch whose captures others measure, on this machine or on many: the folder, with its lock, and
+/// the tables at the end.
+#[derive(Debug)]
+pub struct Open {
+    place: Place,
+    captures: Vec<Listed>,
+}
+
+/// What became of one capture of an [`Open`] batch; what was found stands in its folder.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The name of its material, where the manifest could be read.
+    pub material: Option<String>,
+    /// Why there is nothing in its folder, or whether that had been measured before.
+    pub stood: std::result::Result<bool, Failure>,
+}
+
+impl Open {
+    /// Opens `folder` for the captures of `list`, as [`run`] does.
+    ///
+    /// # Errors
+    ///
+    /// As those of [`run`], before the first capture.
+    pub fn new(list: &List, folder: &Path, options: &Options) -> Result<Self> {
+        library::named(&options.choices.model.name)?;
+        Ok(Self {
+            place: Place::open(folder, list, options)?,
+            captures: list.captures.clone(),
+        })
+    }
+
+    /// The captures to be measured by [`capture()`].
+    pub fn captures(&self) -> &[Listed] {
+        &self.captures
+    }
+
+    /// Writes the tables and the page of all, from what stands in the captures' folders.
+    ///
+    /// # Errors
+    ///
+    /// There are fewer reports than captures, or more; a folder does not hold what its report says;
+    /// the tables cannot be written.
+    pub fn finish(&self, reports: Vec<Report>) -> Result<Batch> {
+        if reports.len() != self.captures.len() {
+            let message = format!(
+                "{} reports of {} captures",
+                reports.len(),
+                self.captures.len()
+            );
+            return Err(Error::new(Kind::Fault, message));
+        }
+        let outcome = |(listed, report): (&Listed, Report)| {
+            let found = match report.stood {
+                Ok(stood) => Ok(found(&self.place.captures.join(&listed.name), stood)?),
+                Err(failure) => Err(failure),
+            };
+            Ok(Outcome {
+                name: listed.name.clone(),
+                material: report.material,
+                found,
+            })
+        };
+        let captures = self.captures.iter().zip(reports).map(outcome);
+        let batch = Batch {
+            captures: captures.collect::<Result<_>>()?,
+        };
+        self.place.summarise(&batch)?;
+        Ok(batch)
+    }
+}
+
+/// Measures one capture of the batch that is [`Open`] in `folder`, here or on another machine.
+///
+/// # Errors
+///
+/// No batch is open there, the disk is full or the user interrupts; anything else is the capture's
+/// own, and in the report.
+pub fn capture(
+    folder: &Path,
+    listed: &Listed,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Report> {
+    let place = Place::join(folder)?;
+    let outcome = place.capture(listed, options, &Room::default(), &Quiet(monitor), &measure)?;
+    Ok(Report {
+        material: outcome.material,
+        stood: outcome.found.map(|found| found.stood),
+    })
+}
+
 /// What measures one capture.
 type Measure<'a> = dyn Fn(&Loaded, &Choices, &dyn Monitor) -> Result<Measurement> + Sync + 'a;
 
@@ -205,12 +300,14 @@ fn run_by(
 }
 
 /// The folder of a batch, and the right to write there.
+#[derive(Debug)]
 struct Place {
     folder: PathBuf,
     /// The captures' folders as the machine knows them.
     captures: PathBuf,
-    /// Given back when it is closed, by the operating system if need be.
-    _lock: File,
+    /// Given back when it is closed, by the operating system if need be; [`None`] where another
+    /// process holds it for this one.
+    _lock: Option<File>,
 }
 
 impl Place {
@@ -221,7 +318,7 @@ impl Place {
             return Err(Error::new(Kind::Input, message));
         }
         let hidden = folder.join(HIDDEN);
-        let lock = hidden.join("lock");
+        let lock = hidden.join(LOCK);
         let writing = || format!("writing {}", lock.display());
         // What no batch has left is nobody's to go on with.
         let resumes = options.resume && lock.exists();
@@ -256,13 +353,30 @@ impl Place {
         let place = Self {
             captures: captures.canonicalize().fault(captures.display())?,
             folder: folder.to_owned(),
-            _lock: file,
+            _lock: Some(file),
         };
         place.refuse_inputs(list)?;
         // What a batch that was killed had on its way.
-        place.clear("new")?;
-        place.clear("old")?;
+        place.clear()?;
         Ok(place)
+    }
+
+    /// The folder of a batch that another process has opened.
+    fn join(folder: &Path) -> Result<Self> {
+        let captures = folder.join(CAPTURES);
+        if !folder.join(HIDDEN).join(LOCK).exists() || !captures.is_dir() {
+            let message = format!(
+                "{}: no batch is open in this folder; it has to be on a disk that all machines see \
+                 under this name",
+                folder.display()
+            );
+            return Err(Error::new(Kind::Input, message));
+        }
+        Ok(Self {
+            captures: captures.canonicalize().fault(captures.display())?,
+            folder: folder.to_owned(),
+            _lock: None,
+        })
     }
 
     /// Refuses lists and manifests that would be written over.
@@ -283,12 +397,13 @@ impl Place {
         Ok(())
     }
 
-    fn hidden(&self, name: &str) -> PathBuf {
-        self.folder.join(HIDDEN).join(name)
+    /// Where what is on its way stands.
+    fn stages(&self) -> PathBuf {
+        self.folder.join(HIDDEN).join("new")
     }
 
-    fn clear(&self, name: &str) -> Result<()> {
-        let path = self.hidden(name);
+    fn clear(&self) -> Result<()> {
+        let path = self.stages();
         match fs::remove_dir_all(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 Err(error).fault(format!("removing {}", path.display()))
@@ -318,8 +433,6 @@ impl Place {
             let message = format!("a fault of beamspot, please report it: {}", said(&*panic));
             Err(Error::new(Kind::Fault, message))
         });
-        // Whatever is left of one that came to nothing.
-        let _ = fs::remove_dir_all(self.hidden("new").join(&listed.name));
         let found = match found {
             Ok(found) => Ok(found),
             Err(error) if error.kind() == Kind::Interrupted || error.no_room() => {
@@ -374,41 +487,47 @@ impl Place {
         }
         let _room = room.take(loaded);
         monitor.check()?;
-        let stage = self.hidden("new").join(name);
         let place = || {
             format!(
                 "writing {}",
                 self.folder.join(CAPTURES).join(name).display()
             )
         };
-        fs::create_dir_all(self.hidden("new")).fault(place())?;
+        fs::create_dir_all(self.stages()).fault(place())?;
+        // A folder of its own, which goes whatever becomes of the capture: of many machines two may
+        // measure the same one, where the first was taken for lost.
+        let own = tempfile::tempdir_in(self.stages()).fault(place())?;
+        let stage = own.path().join(name);
         let files = outputs::open(loaded, &stage, false)?;
         let measurement = by(loaded, choices, monitor)?;
         outputs::write(files, loaded, &measurement)?;
         // Of the bytes that were measured, were they to change meanwhile.
         let fingerprint = record::fingerprint(loaded, choices, &measurement.radiance.inputs)?;
-        let record = Record::of(&stage, fingerprint)?.to_json().fault(place())?;
+        let record = Record::of(&stage, fingerprint.clone())?;
+        let record = record.to_json().fault(place())?;
         fs::write(stage.join(record::NAME), record).fault(place())?;
-        if target.exists() {
-            let old = self.hidden("old");
-            fs::create_dir_all(&old).fault(place())?;
-            fs::rename(&target, old.join(name)).fault(place())?;
+        let moved = match fs::rename(&target, own.path().join("old")) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+            _ => fs::rename(&stage, &target),
+        };
+        if let Err(error) = moved
+            && !Record::stands(&target, &fingerprint)
+        {
+            return Err(error).fault(place());
         }
-        fs::rename(&stage, &target).fault(place())?;
         found(&target, false)
     }
 
     /// Writes the tables and the page of all.
     fn summarise(&self, batch: &Batch) -> Result<()> {
-        let stage = self.hidden("new").join("summary");
+        let stage = self.stages().join("summary");
         fs::create_dir_all(&stage).fault(format!("writing {}", stage.display()))?;
         summary::write(batch, &stage)?;
         for name in summary::NAMES {
             let target = self.folder.join(name);
             fs::rename(stage.join(name), &target).fault(format!("writing {}", target.display()))?;
         }
-        self.clear("new")?;
-        self.clear("old")
+        self.clear()
     }
 }
 
@@ -590,6 +709,40 @@ mod tests {
         };
         let batch = run_by(&list, &folder, &options(true), &Silent, &never).unwrap();
         assert_eq!((batch.failed(), batch.stood()), (0, 2));
+        assert!(bytes(&folder) == bytes(&whole));
+    }
+
+    #[test]
+    fn captures_that_others_measure_leave_the_same_bytes_even_twice_at_once() {
+        let here = tempfile::tempdir().unwrap();
+        let mut list = captures(here.path(), 2);
+        list.captures.push(Listed {
+            name: "none".to_owned(),
+            manifest: here.path().join("none.toml"),
+        });
+        let whole = here.path().join("whole");
+        run(&list, &whole, &options(false), &Silent).unwrap();
+        let folder = here.path().join("results");
+        let options = options(false);
+        let listed = &list.captures[0];
+        let error = capture(&folder, listed, &options, &Silent).unwrap_err();
+        assert!(error.to_string().contains("no batch is open"), "{error}");
+        let open = Open::new(&list, &folder, &options).unwrap();
+        let error = Open::new(&list, &folder, &options).unwrap_err();
+        assert!(error.to_string().contains("another batch"), "{error}");
+        // One that was taken for lost goes on beside the one that took its place.
+        let reports = std::thread::scope(|scope| {
+            let work = || capture(&folder, listed, &options, &Silent).unwrap();
+            let lost = scope.spawn(work);
+            let each = open.captures().iter();
+            let reports = each.map(|c| capture(&folder, c, &options, &Silent).unwrap());
+            let reports: Vec<Report> = reports.collect();
+            assert_eq!(lost.join().unwrap().stood, Ok(false));
+            reports
+        });
+        let batch = open.finish(reports).unwrap();
+        assert_eq!((batch.failed(), batch.stood()), (1, 0));
+        drop(open);
         assert!(bytes(&folder) == bytes(&whole));
     }
 

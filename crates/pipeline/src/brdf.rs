@@ -16,7 +16,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -162,7 +162,7 @@ pub fn brdf(
         let angle = angle_in_deg.to_radians();
         let simulation =
             simulation(&layered, angle, options.seed).map_err(|e| e.within(medium.display()))?;
-        let tally = follow(&simulation, blocks, monitor)?;
+        let tally = follow(&simulation, 0..blocks, monitor)?;
         let solved = solve(&layered, angle).input(medium.display())?;
         let sides = [(Side::Above, "reflected"), (Side::Below, "transmitted")];
         let mut hemispheres = vec![];
@@ -268,10 +268,14 @@ fn simulation(medium: &LayeredMedium, angle: f64, seed: u64) -> Result<Simulatio
     Simulation::new(medium.clone(), incidence, &spec, seed).input("medium")
 }
 
-/// Follows all blocks of photons.
-pub(crate) fn follow(simulation: &Simulation, blocks: u64, monitor: &dyn Monitor) -> Result<Tally> {
+/// Follows these blocks of photons.
+pub(crate) fn follow(
+    simulation: &Simulation,
+    blocks: Range<u64>,
+    monitor: &dyn Monitor,
+) -> Result<Tally> {
     let mut done = 0;
-    let tally = simulation.run(0..blocks, &AtomicBool::new(false), |so_far| {
+    let tally = simulation.run(blocks, &AtomicBool::new(false), |so_far| {
         let finished = so_far.photons() / montecarlo::PHOTONS_PER_BLOCK;
         for _ in done..finished {
             monitor.step();

@@ -333,7 +333,7 @@ fn orders(blocks: u64, monitor: &dyn Monitor) -> Result<Chart> {
     let half_space = |albedo| slab(albedo, f64::INFINITY, 0.0, 1.0);
     let simulation =
         Simulation::new(half_space(NEARLY_WHITE), Incidence::PENCIL, &spec, 1).fault("figure 8")?;
-    let tally = follow(&simulation, blocks, monitor)?;
+    let tally = follow(&simulation, 0..blocks, monitor)?;
     let by_order = tally.by_order(Side::Above).bins;
     // Denser toward 1, where all orders together rise steeply.
     let albedos = grid(0.0, 1.0, 50).map(|x| 1.0 - (1.0 - x) * (1.0 - x));
@@ -396,7 +396,7 @@ fn forty_five_degrees(blocks: u64, monitor: &dyn Monitor) -> Result<Chart> {
             ..Incidence::PENCIL
         };
         let simulation = Simulation::new(medium.clone(), incidence, &spec, 2).fault("figure 9")?;
-        let tally = follow(&simulation, blocks, monitor)?;
+        let tally = follow(&simulation, 0..blocks, monitor)?;
         let counted = tally
             .by_order_and_direction(Side::Above)
             .expect("the tally was asked for");
@@ -469,7 +469,7 @@ fn marble(blocks: u64, monitor: &dyn Monitor) -> Result<Chart> {
     };
     let medium = LayeredMedium::half_space(&reduced.with_g(0.0));
     let simulation = Simulation::new(medium, Incidence::PENCIL, &spec, 3).fault("figure 6")?;
-    let tally = follow(&simulation, blocks, monitor)?;
+    let tally = follow(&simulation, 0..blocks, monitor)?;
     let entering = fresnel::entry_factor(reduced.eta, 1.0);
     let photons = tally.profile(Side::Above)[1..]
         .iter()

@@ -15,7 +15,6 @@ use physics::{
 };
 use profile::Exit;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use transport::TransportModel;
 
@@ -369,7 +368,8 @@ impl Shared {
 ///
 /// Where no discrepancy takes part this is [`fit::fit_many`], which allocates nothing from one
 /// profile to the next. With one it is [`fit_channel`] of each: a fit with transport finds where
-/// the model's error is taken, a hundred times slower.
+/// the model's error is taken, a hundred times slower. Whether profiles are in another unit is then
+/// asked of no more than a few of those that fit badly: all of an array are in one.
 ///
 /// # Errors
 ///
@@ -380,8 +380,20 @@ pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Res
     let options = given.options(given.u_scale(scale));
     let mut found = fit::fit_many(profiles, &*model, &options)?;
     let shared = Shared::of(given);
-    if shared.truths.is_empty() {
-        return Ok(found);
+    let alone = shared.truths.is_empty();
+    let asked = if alone {
+        in_doubt(&found)
+    } else {
+        // What has no answer without the discrepancy has none with it.
+        let fitted = 0..found.sigma_a.len();
+        fitted.filter(|i| found.termination[*i].is_some()).collect()
+    };
+    let unknown = !given.model.solves_transport() && !Discrepancy::is_known(&given.model);
+    if alone && given.discrepancy && unknown {
+        let model = model.name();
+        let fitted = (0..found.sigma_a.len()).filter(|i| found.termination[*i].is_some());
+        let unknown = fitted.map(|i| (i, Warning::UnknownModelError { model }));
+        found.warnings.extend(unknown);
     }
     let shared = shared.at(profiles.points, given);
     let points = profiles.points.len();
@@ -415,24 +427,50 @@ pub fn fit_many(profiles: &Profiles, scale: &[ScaleInput], given: &Given) -> Res
         });
         fit_beside(&profile, total.as_ref(), scale, given, &shared)
     };
-    // What has no answer without the discrepancy has none with it.
-    let failed: BTreeSet<usize> = found.errors.iter().map(|e| e.0).collect();
-    let fits: Vec<(usize, Result<Fit>)> = (0..found.sigma_a.len())
-        .into_par_iter()
-        .filter(|i| !failed.contains(i))
-        .map(|i| (i, one(i)))
-        .collect();
+    let fits: Vec<(usize, Result<Fit>)> = asked.into_par_iter().map(|i| (i, one(i))).collect();
+    if !alone {
+        found.warnings.clear();
+    }
     for (i, fit) in fits {
         match fit {
-            Ok(fit) => found.replace(i, Ok(&fit)),
+            Ok(fit) if alone => {
+                let unit = |w: &&Warning| matches!(w, Warning::AnotherUnit { .. });
+                let said = fit.warnings.iter().find(unit);
+                found.warnings.extend(said.map(|w| (i, *w)));
+            }
+            Ok(fit) => {
+                found.replace(i, Ok(&fit));
+                found.warnings.extend(fit.warnings.iter().map(|w| (i, *w)));
+            }
             // Only the fit itself fails from here on: everything else was there for the first.
             Err(error) => match error.cause::<FitError>() {
+                Some(_) if alone => {}
                 Some(cause) => found.replace(i, Err(cause.clone())),
                 None => return Err(error),
             },
         }
     }
+    found.warnings.sort_by_key(|w| w.0);
     Ok(found)
+}
+
+/// Profiles at most that are asked whether they are in another unit: all of an array are in one.
+const ASKED: usize = 64;
+
+/// Of many fits those, evenly over them, that look as if the profile may be in another unit.
+fn in_doubt(found: &ManyFits) -> Vec<usize> {
+    let mut warnings = found.warnings.as_slice();
+    let mut doubted: Vec<usize> = vec![];
+    for (i, chi2) in found.reduced_chi2.iter().enumerate() {
+        let own = warnings.iter().take_while(|w| w.0 == i).count();
+        let (own, rest) = warnings.split_at(own);
+        if fit::doubts_unit(*chi2, own.iter().map(|w| &w.1)) {
+            doubted.push(i);
+        }
+        warnings = rest;
+    }
+    let step = doubted.len().div_ceil(ASKED).max(1);
+    doubted.into_iter().step_by(step).collect()
 }
 
 /// The fit of [`fit_channel`], with what it shares with others.

@@ -9,14 +9,14 @@ use crate::monitor::Monitor;
 use crate::tallies::{SIDES, tables};
 use formats::medium_toml::{self, BeamEntry, BeamKind, MediumFile, TallyEntry};
 use montecarlo::{
-    Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation, Tally,
-    TallySpec, TallyState, Walk,
+    CannotMerge, Direction, Estimate, Incidence, PHOTONS_PER_BLOCK, Side, SimdPath, Simulation,
+    Tally, TallySpec, TallyState, Walk,
 };
 use physics::footprint::Beam;
 use physics::{LayeredMedium, RadialProfile, Slab};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -42,6 +42,37 @@ struct State {
     blocks: Vec<(u64, u64)>,
     events: u64,
     sums: Vec<[i128; 2]>,
+}
+
+impl State {
+    fn of(file: &MediumFile, seed: u64, path: SimdPath, tally: &Tally) -> Self {
+        let TallyState {
+            fingerprint,
+            blocks,
+            events,
+            sums,
+        } = tally.state();
+        Self {
+            schema_version: SCHEMA_VERSION,
+            simd: path.name().to_owned(),
+            seed,
+            medium: file.clone(),
+            fingerprint,
+            blocks,
+            events,
+            sums,
+        }
+    }
+
+    /// What it holds, of the simulation that it belongs to.
+    fn tally(self, simulation: &Simulation) -> std::result::Result<Tally, CannotMerge> {
+        simulation.restore(TallyState {
+            fingerprint: self.fingerprint,
+            blocks: self.blocks,
+            events: self.events,
+            sums: self.sums,
+        })
+    }
 }
 
 /// `totals.json`.
@@ -176,14 +207,7 @@ pub fn simulate(
             );
             return Err(Error::new(Kind::Input, message));
         }
-        simulation
-            .restore(TallyState {
-                fingerprint: state.fingerprint,
-                blocks: state.blocks,
-                events: state.events,
-                sums: state.sums,
-            })
-            .input(state_path.display())?
+        state.tally(&simulation).input(state_path.display())?
     } else {
         simulation.empty()
     };
@@ -244,24 +268,126 @@ pub fn simulate(
     })
 }
 
-/// Follows at least `photons` photons through the medium of `file`, without files.
+/// Photons followed through a medium, without files: a run, or a part of one.
+#[derive(Clone, Debug)]
+pub struct Photons {
+    medium: MediumFile,
+    seed: u64,
+    path: SimdPath,
+    tally: Tally,
+}
+
+impl Photons {
+    /// The medium with its light and its tallies.
+    pub fn medium(&self) -> &MediumFile {
+        &self.medium
+    }
+
+    /// What was counted.
+    pub fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// Every total with its standard error.
+    pub fn totals(&self) -> Totals {
+        totals(&self.tally, self.seed, self.path)
+    }
+
+    /// Two parts of one run together, in any order: the same bytes as if they had been one.
+    ///
+    /// # Errors
+    ///
+    /// They are of different runs, or hold the same photons.
+    pub fn merge(&self, other: &Self) -> Result<Self> {
+        Ok(Self {
+            tally: (self.tally.clone())
+                .merge(&other.tally)
+                .input("adding simulations")?,
+            ..self.clone()
+        })
+    }
+
+    /// Everything, in the form of `state.json`.
+    ///
+    /// # Errors
+    ///
+    /// A number of the medium has no form there.
+    pub fn to_json(&self) -> Result<String> {
+        let state = State::of(&self.medium, self.seed, self.path, &self.tally);
+        serde_json::to_string(&state).fault("state of a simulation")
+    }
+
+    /// What [`Self::to_json`] wrote.
+    ///
+    /// # Errors
+    ///
+    /// It is damaged, of another version, or of an instruction path that is not there.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let state = parsed(text.as_bytes())?;
+        let path = simd_path(Some(&state.simd))?;
+        let (medium, seed) = (state.medium.clone(), state.seed);
+        let simulation = simulation(&medium, seed, path)?;
+        Ok(Self {
+            tally: state.tally(&simulation).input("state of a simulation")?,
+            medium,
+            seed,
+            path,
+        })
+    }
+}
+
+/// Which part of a run: number `index`, from 0, of `count`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its number.
+    pub index: u64,
+    /// How many there are.
+    pub count: u64,
+}
+
+impl Part {
+    /// The whole run.
+    pub const WHOLE: Self = Self { index: 0, count: 1 };
+
+    /// Its share of `all` blocks: of every block some part holds, and one alone.
+    fn of(self, all: u64) -> Result<Range<u64>> {
+        let Self { index, count } = self;
+        if index >= count {
+            let message = format!(
+                "part {index} of {count}: expected a number from 0 to one below how many there are"
+            );
+            return Err(Error::new(Kind::Usage, message));
+        }
+        let edge = |i: u64| (u128::from(all) * u128::from(i) / u128::from(count)) as u64;
+        Ok(edge(index)..edge(index + 1))
+    }
+}
+
+/// Follows at least `photons` photons through `medium`, or `part` of them, without files.
 ///
 /// # Errors
 ///
 /// The medium cannot be used, the instruction path is unknown or not there, or the user stopped it.
 pub fn run(
-    file: &MediumFile,
+    medium: &MediumFile,
     photons: u64,
+    part: Part,
     seed: u64,
     simd: Option<&str>,
     monitor: &dyn Monitor,
-) -> Result<(Totals, Tally)> {
+) -> Result<Photons> {
     let path = simd_path(simd)?;
-    let simulation = simulation(file, seed, path)?;
+    let simulation = simulation(medium, seed, path)?;
     let blocks = Simulation::blocks_for(photons).map_err(|e| Error::new(Kind::Usage, e))?;
-    monitor.begin("photons", blocks.end);
-    let tally = follow(&simulation, blocks.end, monitor)?;
-    Ok((totals(&tally, seed, path), tally))
+    let blocks = part.of(blocks.end)?;
+    monitor.begin("photons", blocks.end - blocks.start);
+    let tally = follow(&simulation, blocks, monitor)?;
+    Ok(Photons {
+        medium: medium.clone(),
+        seed,
+        path,
+        tally,
+    })
 }
 
 fn say_how_long(seconds: f64, effort: Effort, say: &mut dyn FnMut(&str)) {
@@ -299,11 +425,14 @@ fn simd_path(name: Option<&str>) -> Result<SimdPath> {
 }
 
 fn kept(path: &Path) -> Result<State> {
-    let state: State = serde_json::from_slice(&read(path)?).input(path.display())?;
+    parsed(&read(path)?).map_err(|e| e.within(path.display()))
+}
+
+fn parsed(text: &[u8]) -> Result<State> {
+    let state: State = serde_json::from_slice(text).input("state of a simulation")?;
     if state.schema_version != SCHEMA_VERSION {
         let message = format!(
-            "{}: schema_version {}; this version goes on from {SCHEMA_VERSION} only",
-            path.display(),
+            "schema_version {}; this version goes on from {SCHEMA_VERSION} only",
             state.schema_version
         );
         return Err(Error::new(Kind::Input, message));
@@ -394,22 +523,7 @@ fn write(
     totals: &Totals,
     text: &str,
 ) -> Result<()> {
-    let TallyState {
-        fingerprint,
-        blocks,
-        events,
-        sums,
-    } = tally.state();
-    let state = State {
-        schema_version: SCHEMA_VERSION,
-        simd: path.name().to_owned(),
-        seed,
-        medium: file.clone(),
-        fingerprint,
-        blocks,
-        events,
-        sums,
-    };
+    let state = State::of(file, seed, path, tally);
     outputs.write("state.json", |out| Ok(serde_json::to_writer(out, &state)?))?;
     outputs.write("totals.json", |out| {
         serde_json::to_writer_pretty(&mut *out, totals)?;

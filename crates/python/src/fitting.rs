@@ -2,8 +2,9 @@
 
 use crate::arrays::{numbers, table};
 use crate::models::choice;
+use crate::work;
 use crate::{raised, refused};
-use ::fit::{Constraint, ManyFits, Profiles, Totals};
+use ::fit::{Constraint, ManyFits, Profiles, Totals, Warning};
 use numpy::ndarray::ArrayView2;
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike2};
 use physics::{ProfilePoint, RadialProfile, TotalReflectance};
@@ -394,6 +395,18 @@ macro_rules! columns {
                 each.map(|(i, e)| (*i, e.to_string())).collect()
             }
 
+            /// What should be known of which profile, in sentences, by its index: what `fit` warns
+            /// of, but for a point that outweighs all others. Whether the profiles are in another
+            /// unit is asked of a few of those that fit badly.
+            #[getter]
+            fn warnings(&self) -> BTreeMap<usize, Vec<String>> {
+                let mut all: BTreeMap<usize, Vec<String>> = BTreeMap::new();
+                for (i, warning) in &self.inner.warnings {
+                    all.entry(*i).or_default().push(warning.to_string());
+                }
+                all
+            }
+
             fn __len__(&self) -> usize {
                 self.inner.sigma_a.len()
             }
@@ -439,7 +452,15 @@ columns! {
 /// out, with a warning; `total` and `u_total` (n,). Everything else as for `fit`, and every number
 /// as its own. `discrepancy=False` leaves out the error of a closed form, and is a hundred times
 /// faster. `threads`: at most so many. Raises ValueError where the arrays do not belong together; a
-/// profile that cannot be fitted does not stop the others.
+/// profile that cannot be fitted does not stop the others, and one that looks as if it were in
+/// another unit is warned of.
+///
+/// With `reflectance_per_mm2` an `xarray.DataArray` the answer is an `xarray.Dataset`, with the
+/// coordinates of the array and a variable for each quantity, units in its attributes.
+/// `radius_mm` is then the coordinate of radii, `cube.radius_mm`, or as many numbers as there are
+/// along the dimension "radius_mm"; a coordinate in another unit is refused. `u`, `total` and
+/// `u_total` may be arrays with labels of their own, and so may `eta` and `g`, which may differ by
+/// wavelength. An array in chunks (Dask) gives a Dataset in chunks, fitted when it is asked for.
 #[pyfunction]
 #[pyo3(signature = (radius_mm, reflectance_per_mm2, u = None, *, eta, total = None, u_total = None,
     u_scale = None, model = "dipole", constraint = "joint", g = None, range_mm = None,
@@ -461,8 +482,9 @@ pub(crate) fn fit_many<'py>(
     thickness_mm: Option<f64>,
     entry_loss: bool,
     discrepancy: bool,
-    threads: Option<usize>,
+    threads: Option<Bound<'py, PyAny>>,
 ) -> PyResult<FitMany> {
+    let pool = work::pool(threads.as_ref())?;
     let radius_mm = numbers("radius_mm", &radius_mm)?;
     let given: PyArrayLike2<'py, f64, AllowTypeChange> =
         table("reflectance_per_mm2", &reflectance_per_mm2)?;
@@ -483,7 +505,8 @@ pub(crate) fn fit_many<'py>(
     let u: &[f64] = match u {
         None => {
             warn(py, "u was not given: 1 % of each value was assumed")?;
-            made = assumed_u(values);
+            let each = values.chunks(radius_mm.len().max(1));
+            made = each.flat_map(assumed_u).collect();
             &made
         }
         Some(u) if u.getattr("ndim").is_ok_and(|n| n.eq(2).unwrap_or(false)) => {
@@ -528,7 +551,7 @@ pub(crate) fn fit_many<'py>(
     let scale = scale(u_scale)?;
     let at: Vec<f64> = vec![0.0; radius_mm.len()];
     let points = points(&radius_mm, &at, &at);
-    let work = || {
+    let fitted = || {
         let profiles = Profiles {
             points: &points,
             reflectance_per_mm2: values,
@@ -541,13 +564,10 @@ pub(crate) fn fit_many<'py>(
         };
         fitting::fit_many(&profiles, &scale, &given)
     };
-    let inner = py.detach(|| match threads {
-        None => Ok(work()),
-        Some(threads) => rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map(|pool| pool.install(work)),
-    });
-    let inner = inner.map_err(refused)?.map_err(|e| raised(&e))?;
+    let inner = work::done(py, pool.as_ref(), |_| fitted())?;
+    let unit = |w: &&(usize, Warning)| matches!(w.1, Warning::AnotherUnit { .. });
+    if let Some((i, warning)) = inner.warnings.iter().find(unit) {
+        warn(py, &format!("profile {i}: {warning}"))?;
+    }
     Ok(FitMany { inner })
 }

@@ -10,11 +10,13 @@
 )]
 
 mod arrays;
+mod batch;
 mod fitting;
 mod frames;
 mod measurement;
 mod models;
 mod simulation;
+mod work;
 
 use pipeline::{Error, Kind};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
@@ -35,20 +37,10 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Stops where the user presses Ctrl-C.
-struct Signals;
-
-impl pipeline::Monitor for Signals {
-    fn begin(&self, _: &str, _: u64) {}
-    fn step(&self) {}
-    fn stopped(&self) -> bool {
-        // The exception itself is raised from the error that follows.
-        Python::attach(|py| py.check_signals().is_err())
-    }
-}
-
 #[pymodule]
 mod _beamspot {
+    #[pymodule_export]
+    use crate::batch::{Batch, OpenBatch, batch, measure_one, open_batch};
     #[pymodule_export]
     use crate::fitting::{Estimate, Fit, FitMany, fit, fit_many};
     #[pymodule_export]
@@ -61,7 +53,7 @@ mod _beamspot {
         multipole, photon_beam_diffusion, total_reflectance,
     };
     #[pymodule_export]
-    use crate::simulation::{Simulation, simulate};
+    use crate::simulation::{Simulation, fastest_simd, read_medium, restore_simulation, simulate};
     use pyo3::prelude::*;
 
     #[pymodule_init]

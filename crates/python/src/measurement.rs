@@ -3,7 +3,8 @@
 use crate::fitting::{Fit, objects};
 use crate::frames::Profile;
 use crate::models::{Material, choice};
-use crate::{Signals, raised, refused};
+use crate::work;
+use crate::{raised, refused};
 use pipeline::capture::{self, Loaded};
 use pipeline::measure::{self as job, Choices};
 use pipeline::{fitting, outputs};
@@ -91,14 +92,34 @@ impl Measurement {
     }
 }
 
+/// How to measure, as keyword arguments say it.
+pub(crate) fn choices(
+    model: &str,
+    constraint: &str,
+    g: Option<f64>,
+    range_mm: Option<(f64, f64)>,
+    confirm: bool,
+    bootstrap: usize,
+) -> PyResult<Choices> {
+    Ok(Choices {
+        model: choice(model, g, None, 0.0),
+        constraint: fitting::constraint(constraint).map_err(|e| raised(&e))?,
+        range_mm,
+        confirm,
+        bootstrap,
+        ..Choices::default()
+    })
+}
+
 /// Measures a capture: frames to coefficients, as `beamspot measure` does.
 ///
 /// `path`: the capture.toml. `model`, `g`, `constraint`, `range_mm`: as for `fit`. `confirm`:
 /// whether the fitted media are simulated with a million photons. `bootstrap`: replicas to draw
-/// and fit. Raises ValueError with the file and the field at fault; Ctrl-C stops it.
+/// and fit. `threads`: at most so many; the same numbers on any. Raises ValueError with the file and
+/// the field at fault; Ctrl-C stops it.
 #[pyfunction]
 #[pyo3(signature = (path, *, model = "dipole", constraint = "joint", g = None, range_mm = None,
-    confirm = true, bootstrap = 0))]
+    confirm = true, bootstrap = 0, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn measure(
     py: Python<'_>,
@@ -109,19 +130,13 @@ pub(crate) fn measure(
     range_mm: Option<(f64, f64)>,
     confirm: bool,
     bootstrap: usize,
+    threads: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Measurement> {
-    let choices = Choices {
-        model: choice(model, g, None, 0.0),
-        constraint: fitting::constraint(constraint).map_err(|e| raised(&e))?,
-        range_mm,
-        confirm,
-        bootstrap,
-        ..Choices::default()
-    };
-    let measured = py.detach(|| {
+    let choices = choices(model, constraint, g, range_mm, confirm, bootstrap)?;
+    let pool = work::pool(threads.as_ref())?;
+    work::done(py, pool.as_ref(), |monitor| {
         let loaded = capture::load(&path)?;
-        let inner = job::measure(&loaded, &choices, &Signals)?;
+        let inner = job::measure(&loaded, &choices, monitor)?;
         Ok(Measurement { loaded, inner })
-    });
-    measured.map_err(|e| raised(&e))
+    })
 }

@@ -7,7 +7,8 @@ use pipeline::error::Blame;
 use pipeline::files::Outputs;
 use pipeline::fit_json::SCHEMA_VERSION;
 use pipeline::library::{self, MODELS, ModelChoice};
-use pipeline::{Error, Kind, Result, Silent, simulation};
+use pipeline::simulation::{self, Part};
+use pipeline::{Error, Kind, Result, Silent};
 use report::{significant, uncertain};
 use serde::Serialize;
 use std::io::Write;
@@ -148,10 +149,10 @@ fn photons() -> Check {
     const EXPECTED: f64 = 0.2200;
     let found = formats::medium_toml::parse(MEDIUM)
         .fault("the medium of the check")
-        .and_then(|medium| simulation::run(&medium, 200_000, 1, None, &Silent));
+        .and_then(|medium| simulation::run(&medium, 200_000, Part::WHOLE, 1, None, &Silent));
     let (good, said) = match found {
-        Ok((_, tally)) => {
-            let found = tally.reflectance();
+        Ok(photons) => {
+            let found = photons.tally().reflectance();
             // Half a unit of the last digit of what is expected comes on top.
             let good = (found.value - EXPECTED).abs() < 4.0 * found.u + 5e-5;
             let way = if good {
