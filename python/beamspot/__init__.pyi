@@ -1,9 +1,12 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
 
 __version__: str
 
@@ -48,6 +51,7 @@ class FitMany:
     share_outside: _Array
     termination: list[str | None]
     errors: dict[int, str]
+    warnings: dict[int, list[str]]
     def __len__(self) -> int: ...
 
 class Material:
@@ -98,6 +102,14 @@ class Measurement:
     def to_dict(self) -> dict[str, Any]: ...
     def write(self, folder: str | PathLike[str], *, force: bool = False) -> None: ...
 
+class Batch:
+    captures: list[str]
+    materials: list[Material]
+    errors: dict[str, str]
+    summary: list[str]
+    def to_dict(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...
+
 class Simulation:
     photons: int
     totals: dict[str, Any]
@@ -107,6 +119,7 @@ class Simulation:
     transmittance_per_mm2: _Array
     u_transmittance_per_mm2: _Array
     tables: dict[str, dict[str, _Array]]
+    def __add__(self, other: Simulation) -> Simulation: ...
 
 def dipole(radius_mm: ArrayLike, *, sigma_s_prime: float, sigma_a: float, eta: float) -> _Array: ...
 def better_dipole(
@@ -154,6 +167,26 @@ def fit(
     entry_loss: bool = True,
     discrepancy: bool = True,
 ) -> Fit: ...
+@overload
+def fit_many(
+    radius_mm: DataArray | ArrayLike,
+    reflectance_per_mm2: DataArray,
+    u: DataArray | ArrayLike | None = None,
+    *,
+    eta: DataArray | float,
+    total: DataArray | ArrayLike | None = None,
+    u_total: DataArray | ArrayLike | None = None,
+    u_scale: float | None = None,
+    model: str = "dipole",
+    constraint: str = "joint",
+    g: DataArray | float | None = None,
+    range_mm: tuple[float, float] | None = None,
+    thickness_mm: float | None = None,
+    entry_loss: bool = True,
+    discrepancy: bool = True,
+    threads: int | None = None,
+) -> Dataset: ...
+@overload
 def fit_many(
     radius_mm: ArrayLike,
     reflectance_per_mm2: ArrayLike,
@@ -200,7 +233,10 @@ def simulate(
     seed: int = 1,
     *,
     simd: str | None = None,
+    part: tuple[int, int] | None = None,
+    threads: int | None = None,
 ) -> Simulation: ...
+def read_medium(medium: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]: ...
 def measure(
     path: str | PathLike[str],
     *,
@@ -210,4 +246,18 @@ def measure(
     range_mm: tuple[float, float] | None = None,
     confirm: bool = True,
     bootstrap: int = 0,
+    threads: int | None = None,
 ) -> Measurement: ...
+def batch(
+    captures: str | PathLike[str] | Sequence[str | PathLike[str]],
+    folder: str | PathLike[str],
+    *,
+    resume: bool = False,
+    force: bool = False,
+    model: str = "dipole",
+    constraint: str = "joint",
+    g: float | None = None,
+    range_mm: tuple[float, float] | None = None,
+    confirm: bool = True,
+    bootstrap: int = 0,
+) -> Batch: ...

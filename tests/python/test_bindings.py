@@ -6,8 +6,11 @@
 import ast
 import inspect
 import json
-import os
+import pickle
+import signal
 import subprocess
+import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -15,19 +18,12 @@ import numpy as np
 import pytest
 
 import beamspot
+from conftest import command, contents, refused
 
 MARBLE = {"sigma_s_prime": 2.62, "sigma_a": 0.0041, "eta": 1.5}
 RADII = np.geomspace(0.5, 20.0, 200)
 # What enters of a beam along the normal at eta = 1.5.
 ENTRY = 0.96
-
-
-def command(*arguments):
-    done = subprocess.run(
-        [os.environ["BEAMSPOT_BIN"], *map(str, arguments)], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def dipole_by_hand(r, sigma_s_prime, sigma_a, a):
@@ -170,10 +166,6 @@ def test_what_is_assumed_is_warned_of():
     assert len(said) == 2 and "1 %" in said[0] and "no total" in said[1]
 
 
-def refused(*parts):
-    return pytest.raises(ValueError, match=".*".join(parts))
-
-
 def test_bad_input_is_named():
     values, u = profile(4)
     with refused("reflectance_per_mm2", "200", "199"):
@@ -215,6 +207,11 @@ def test_bad_input_is_named():
         beamspot.fit(RADII, values, 0.01, eta=1.5)
     with refused("u_scale", "-0.1"):
         beamspot.fit(RADII, values, u, eta=1.5, u_scale=-0.1)
+    for number in (-1, 65536):
+        with refused(f"threads: {number} is not in 0..=65535"):
+            beamspot.fit_many(RADII, values[None], u, eta=1.5, constraint="none", threads=number)
+    with refused("range_mm: expected the first and the last radius in mm", "got 20 and 1"):
+        beamspot.fit(RADII, values, u, eta=1.5, constraint="none", range_mm=(20, 1))
 
 
 def test_a_profile_in_another_unit_is_told():
@@ -226,6 +223,30 @@ def test_a_profile_in_another_unit_is_told():
     assert not beamspot.fit(RADII, values, u, **known).warnings
     with refused("in another unit"):
         beamspot.fit(RADII, 100 * values, 100 * u, **known)
+
+
+@pytest.mark.parametrize("discrepancy", [False, True])
+def test_many_profiles_are_warned_of_as_one_is(discrepancy):
+    values, u = profile(4)
+    total = ENTRY * beamspot.total_reflectance(**MARBLE)
+    known = {"eta": 1.5, "u_scale": 5e-3, "discrepancy": discrepancy}
+    rows = np.array([values, values / 10, values * np.exp(-0.3 * RADII)])
+    us = np.array([u, u / 10, u * np.exp(-0.3 * RADII)])
+    totals = {"total": np.full(3, total), "u_total": np.full(3, 1e-3)}
+    with pytest.warns(UserWarning, match="profile 1: .* looks like a unit"):
+        many = beamspot.fit_many(RADII, rows, us, **known, **totals)
+    for i, (row, u_row) in enumerate(zip(rows, us)):
+        one = beamspot.fit(RADII, row, u_row, total=total, u_total=1e-3, **known)
+        assert many.warnings.get(i, []) == one.warnings
+    assert 0 not in many.warnings
+
+
+def test_what_is_assumed_of_a_profile_does_not_depend_on_the_others():
+    faint = profile(4)[0] * 1e-9
+    fit = lambda rows: beamspot.fit_many(RADII, rows, eta=1.5, constraint="none", discrepancy=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert fit([faint]).sigma_a_per_mm[0] == fit([faint, profile(5)[0]]).sigma_a_per_mm[0]
 
 
 def test_a_model_whose_error_is_unknown_says_so():
@@ -290,6 +311,37 @@ def test_simulate_agrees_with_the_transport_model():
     assert len(run.radius_mm) == 20 and run.photons >= 2e5
 
 
+def test_parts_of_a_run_add_up_to_its_bytes():
+    medium = {"layer": [{"sigma_a_per_mm": 0.1, "sigma_s_per_mm": 1.0, "eta": 1.4, "thickness_mm": 2.0}]}
+    medium["tally"] = {"r_max_mm": 5.0, "r_bins": 10}
+    run = beamspot.simulate(medium, 1e5, seed=3)
+    parts = [beamspot.simulate(medium, 1e5, seed=3, part=(k, 3), threads=1) for k in (2, 0, 1)]
+    assert sum(part.photons for part in parts) == run.photons
+    sent = [pickle.loads(pickle.dumps(part)) for part in parts]
+    assert pickle.dumps(sent[0] + sent[1] + sent[2]) == pickle.dumps(run)
+    assert (sent[0] + sent[1] + sent[2]).totals == run.totals
+    with refused("both results hold block"):
+        run + parts[0]
+    with refused("different simulations"):
+        parts[0] + beamspot.simulate(medium, 1e5, seed=4, part=(0, 3))
+    with refused("part 3 of 3"):
+        beamspot.simulate(medium, 1e5, part=(3, 3))
+    with refused("schema_version 9"):
+        beamspot._beamspot.restore_simulation(run.__reduce__()[1][0].replace('n":1', 'n":9', 1))
+    # More parts than there are blocks: some have nothing to do.
+    few = [beamspot.simulate(medium, 1, part=(k, 3)) for k in range(3)]
+    assert sorted(part.photons for part in few)[:2] == [0, 0]
+    assert pickle.dumps(few[0] + few[1] + few[2]) == pickle.dumps(beamspot.simulate(medium, 1))
+
+
+def test_a_medium_is_read_with_nothing_left_out():
+    skin = beamspot.read_medium("skin")
+    assert len(skin["layer"]) > 1 and skin["eta_above"] == 1.0
+    assert beamspot.read_medium(skin) == skin
+    with refused("nowhere.toml"):
+        beamspot.read_medium("nowhere.toml")
+
+
 def test_simulate_returns_every_tally():
     medium = {"layer": [{"sigma_a_per_mm": 0.0041, "sigma_s_per_mm": 2.62, "eta": 1.5}]}
     medium["tally"] = {"r_max_mm": 10.0, "r_bins": 4, "angle_bins": 3, "radius_and_angle": True}
@@ -325,6 +377,48 @@ def test_measure_is_the_command(tmp_path):
     assert measured.fits[1].sigma_a_per_mm.value == measured.materials[1].sigma_a_per_mm
     with refused("exists"):
         measured.write(tmp_path / "by-python")
+
+
+def test_a_batch_is_the_command(series, tmp_path):
+    with pytest.warns(UserWarning, match="1 of 5 captures were not measured"):
+        found = beamspot.batch(f"{series}/*/capture.toml", tmp_path / "out", confirm=False)
+    assert contents(tmp_path / "out") == contents(series / "by-command")
+    assert found.captures == ["0", "1", "2", "3", "4"] and len(found) == 5
+    assert list(found.errors) == ["4"] and "sample_01.tif" in found.errors["4"]
+    assert [row.material for row in found.materials] == 4 * [found.materials[0].material]
+    assert found.to_dict()["not_measured"] == 1
+    assert found.summary[-1] == "5 captures: 4 measured, 1 not"
+    some = [series / "0/capture.toml", series / "1/capture.toml"]
+    with refused("exists", "--resume", "--force"):
+        beamspot.batch(some, tmp_path / "out", confirm=False)
+    again = beamspot.batch(some, tmp_path / "out", confirm=False, resume=True)
+    assert again.summary == ["2 captures: 2 measured (2 of them before), 0 not"]
+    with refused("no model is called `dipol`"):
+        beamspot.batch(some, tmp_path / "new", model="dipol")
+    fcntl = pytest.importorskip("fcntl")
+    with open(tmp_path / "out/.beamspot-batch/lock") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with refused("another batch is writing to this folder"):
+            beamspot.batch(some, tmp_path / "out", confirm=False, resume=True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process")
+def test_a_batch_hears_the_key_and_goes_on_later(series, tmp_path):
+    code = f"""
+import signal, beamspot
+signal.signal(signal.SIGINT, signal.default_int_handler)
+try:
+    beamspot.batch({str(series / "[01]" / "capture.toml")!r}, {str(tmp_path / "out")!r}, bootstrap=500)
+except KeyboardInterrupt as error:
+    print(error)
+"""
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    while not (tmp_path / "out/.beamspot-batch/lock").exists():
+        assert child.poll() is None
+        time.sleep(0.01)
+    child.send_signal(signal.SIGINT)
+    said = child.communicate(timeout=60)[0]
+    assert "captures are measured" in said and "--resume" in said, said
 
 
 def test_the_stubs_say_what_the_module_has():

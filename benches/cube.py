@@ -1,0 +1,113 @@
+"""A spectral line scan, wavelengths x lines of profiles, fitted through Dask by one worker and by two.
+
+    pip install '.[distributed]'
+    python benches/cube.py [--lines 100000] [--kill]
+
+Prints, beside `beamspot.fit_many` of the same chunks in a loop in this process, the time and the
+speed-up by 1 and 2 workers of one thread each, the peak memory of a worker, and whether the means over
+the lines are the same to the last bit. `--kill` kills one of two workers in the middle. The profiles
+are made chunk by chunk where they are fitted (the loop makes them as well), so that the cube takes no
+memory as a whole: 512 x 100,000 profiles of 16 radii would be 6.6 GB.
+"""
+
+import argparse
+import os
+import resource
+import signal
+import threading
+import time
+
+import dask.array
+import distributed
+import numpy as np
+import xarray
+
+import beamspot
+import beamspot.distributed
+
+OPTIONS = {"eta": 1.4, "constraint": "none", "discrepancy": False}
+
+
+def profiles(radii, wavelengths, lines, first):
+    """A chunk: absorption falls with the wavelength, scattering varies along the line."""
+    rng = np.random.default_rng(first)
+    rows = [
+        beamspot.dipole(radii, sigma_a=0.2 * 0.99 ** (first[0] + k), sigma_s_prime=1.5, eta=1.4)
+        for k in range(wavelengths)
+    ]
+    noise = rng.standard_normal((wavelengths, lines, len(radii)))
+    return np.array(rows)[:, None] * (1 + 2e-3 * noise)
+
+
+def block(radii, block_info=None):
+    (start, stop), (first, last), _ = block_info[None]["array-location"]
+    return profiles(radii, stop - start, last - first, (start, first))
+
+
+def peak_mb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--wavelengths", type=int, default=512)
+    parser.add_argument("--lines", type=int, default=100_000)
+    parser.add_argument("--radii", type=int, default=16)
+    parser.add_argument("--chunk", type=int, nargs=2, default=(8, 12_500))
+    parser.add_argument("--kill", action="store_true")
+    arguments = parser.parse_args()
+    radii = np.geomspace(1.0, 15.0, arguments.radii)
+    shape = (arguments.wavelengths, arguments.lines, arguments.radii)
+    chunks = (*arguments.chunk, arguments.radii)
+    made = dask.array.map_blocks(
+        block, radii, chunks=dask.array.core.normalize_chunks(chunks, shape), dtype=float, meta=np.empty((0, 0, 0))
+    )
+    dims = ("wavelength_nm", "line", "radius_mm")
+    cube = xarray.DataArray(made, dims=dims)
+    u = 2e-3 * beamspot.dipole(radii, sigma_a=0.01, sigma_s_prime=1.5, eta=1.4)
+    count = shape[0] * shape[1]
+
+    def means(client):
+        fits = beamspot.distributed.fit_many(radii, cube, u, client=client, **OPTIONS)
+        found = fits[["sigma_a_per_mm", "sigma_s_prime_per_mm", "reduced_chi2"]].mean("line")
+        return found.assign(fitted=(fits.termination >= 0).sum()).compute()
+
+    def by_workers(workers, kill=False):
+        local = {"host": "127.0.0.1", "dashboard_address": None, "memory_limit": 0}
+        with distributed.LocalCluster(workers, threads_per_worker=1, **local) as cluster:
+            with distributed.Client(cluster) as client:
+                pids = client.run(os.getpid)
+                if kill:
+                    # After a quarter of the time that one worker took.
+                    threading.Timer(times[1] / 4, os.kill, (min(pids.values()), signal.SIGKILL)).start()
+                start = time.perf_counter()
+                found = means(client)
+                return time.perf_counter() - start, found, client.run(peak_mb)
+
+    # A part of the cube in this process: what a profile costs without Dask.
+    some = min(8, cube.data.npartitions)
+    start = time.perf_counter()
+    for k in range(some):
+        values = profiles(radii, *arguments.chunk, (8 * k, 0))
+        beamspot.fit_many(radii, values.reshape(-1, len(radii)), u, threads=1, **OPTIONS)
+    alone = (time.perf_counter() - start) / some / np.prod(arguments.chunk)
+    print(f"{shape[0]} x {shape[1]} profiles of {shape[2]} radii in {cube.data.npartitions} chunks")
+    print(f"loop in one process: {1e6 * alone:.2f} us a profile, made and fitted")
+    times, first = {}, None
+    for workers in (1, 2):
+        times[workers], found, peaks = by_workers(workers)
+        first = found if first is None else first
+        each = 1e6 * times[workers] / count
+        print(
+            f"{workers} worker{'s' * (workers > 1)}: {times[workers]:.1f} s, {each:.2f} us a profile, "
+            f"{times[1] / times[workers]:.2f}x one worker, {1e-6 * each / alone * workers:.3f}x the loop by worker, "
+            f"peak {max(peaks.values()):.0f} MB a worker, {int(found.fitted)} fitted, "
+            f"same bits: {found.identical(first)}"
+        )
+    if arguments.kill:
+        seconds, found, _ = by_workers(2, kill=True)
+        print(f"2 workers, one killed: {seconds:.1f} s, {int(found.fitted)} fitted, same bits: {found.identical(first)}")
+
+
+if __name__ == "__main__":
+    main()
