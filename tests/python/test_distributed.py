@@ -16,6 +16,7 @@ import pytest
 import beamspot
 from conftest import contents, refused
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 xarray = pytest.importorskip("xarray")
 import beamspot.distributed  # noqa: E402
@@ -29,9 +30,11 @@ MEDIUM = {
 @pytest.fixture(scope="module")
 def client():
     local = {"host": "127.0.0.1", "dashboard_address": None, "processes": True}
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **local) as cluster:
-        with distributed.Client(cluster) as client:
-            yield client
+    # Where the machine is so busy that a worker takes a while to come back, the cluster would give it up.
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "10 minutes"}):
+        with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **local) as cluster:
+            with distributed.Client(cluster) as client:
+                yield client
 
 
 def at_work(dask_scheduler):
@@ -44,7 +47,7 @@ def at_work(dask_scheduler):
 @contextlib.contextmanager
 def one_killed(client):
     """Kills a worker once some of what is done meanwhile is done, and the worker is at another part."""
-    client.wait_for_workers(2)
+    client.wait_for_workers(2, timeout=120)
     pids = client.run(os.getpid)
     killed, over = [], threading.Event()
 
@@ -75,20 +78,19 @@ def test_photons_of_a_killed_worker_are_followed_again(client):
 
 
 def test_a_cube_is_fitted_to_the_same_bytes(client):
-    radii = np.geomspace(0.5, 20.0, 60)
+    radii = np.geomspace(0.5, 20.0, 30)
     rng = np.random.default_rng(1)
     clean = beamspot.dipole(radii, sigma_s_prime=1.5, sigma_a=0.01, eta=1.4)
-    values = clean * (1 + 1e-3 * rng.standard_normal((10, 400, len(radii))))
+    values = clean * (1 + 1e-3 * rng.standard_normal((4, 400, len(radii))))
     cube = xarray.DataArray(values, dims=("wavelength_nm", "line", "radius_mm"))
-    # With the error of the closed form, which takes a while.
-    options = {"eta": 1.4, "constraint": "none", "g": 0.8}
+    options = {"eta": 1.4, "constraint": "none"}
     u = 1e-3 * clean
     some = cube[:, :4]
     whole = beamspot.fit_many(radii, some, u, threads=1, **options)
     with one_killed(client):
         chunks = some.chunk({"wavelength_nm": 1, "line": 2})
         lazy = beamspot.distributed.fit_many(radii, chunks, u, client=client, **options)
-        assert lazy.sigma_a_per_mm.chunks == ((1,) * 10, (2, 2))
+        assert lazy.sigma_a_per_mm.chunks == ((1,) * 4, (2, 2))
         found = lazy.compute()
     assert found.identical(whole)
     # What comes without chunks gets some.
@@ -135,14 +137,14 @@ asyncio.run(main())
 
 
 def test_a_worker_without_the_package_is_named(client, tmp_path):
-    client.wait_for_workers(2)
+    client.wait_for_workers(2, timeout=120)
     before = set(client.scheduler_info(n_workers=-1)["workers"])
     # The interpreter that the environment of this one stands on has no packages of its own.
     python = sys._base_executable
     call = [python, "-c", WORKER, client.scheduler.address]
     worker = subprocess.Popen(call, env=without_beamspot(tmp_path))
     try:
-        client.wait_for_workers(3, timeout=60)
+        client.wait_for_workers(3, timeout=120)
         (address,) = set(client.scheduler_info(n_workers=-1)["workers"]) - before
         with pytest.raises(RuntimeError, match=f"{address} has none; install it there"):
             beamspot.distributed.simulate(MEDIUM, 1e4, client=client)
