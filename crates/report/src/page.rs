@@ -185,7 +185,8 @@ fn explanation(out: &mut String, report: &Report) {
         text.push_str(
             "A medium with the very coefficients that were found is also shown as the transport \
              equation has it, without noise: where that line leaves the model, the model is wrong, \
-             and its error is part of u unless it was told to be left out. ",
+             and its error is part of u unless it was told to be left out. Where the model knows no \
+             g the line has g = 0, which shows within a mean free path or two of the beam. ",
         );
     }
     if any(|c| !c.monte_carlo.is_empty()) {
