@@ -80,7 +80,7 @@ fn main() {
     println!(
         "solid angle, ms a point of view, times faster, worst and rms relative error (of at least 1 % of the mean)"
     );
-    for solid_angle in [0.1, 0.05, 0.025, 0.012, 0.009, 0.006] {
+    for solid_angle in [0.05, 0.025, 0.012, 0.009, 0.0082, 0.0075, 0.0068, 0.006] {
         let (found, seconds, built, _) = look(solid_angle, &points);
         let errors: Vec<f64> = found
             .iter()

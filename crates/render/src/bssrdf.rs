@@ -291,6 +291,16 @@ impl Family {
     }
 }
 
+/// Square of the distance at which R_d of a plane is taken between where light enters and a
+/// point whose offset from there has the square `square` and the part `along` the normal.
+///
+/// The real source is a transport length below where light enters; it is never nearer than
+/// that, as the paper has it for curved surfaces. On a plane this is the distance along it.
+#[inline]
+pub(crate) fn square_of_distance(square: f64, along: f64, source_depth_mm: f64) -> f64 {
+    (square + 2.0 * source_depth_mm * along).max(0.0)
+}
+
 /// The diffusion of one medium of a [`Family`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Local<'a> {
@@ -327,7 +337,7 @@ impl Local<'_> {
     #[inline]
     pub(crate) fn spread_by(&self, square: f64, of_table: impl Fn(usize, f64) -> f64) -> f64 {
         let own = square * self.per_square;
-        self.albedo * self.per_square * self.mixed(|table| of_table(table, own))
+        self.factor() * self.mixed(|table| of_table(table, own))
     }
 
     /// [`Self::spread_by`] from the tables themselves.
@@ -338,14 +348,30 @@ impl Local<'_> {
         })
     }
 
-    /// Square of the distance at which R_d of a plane is taken between where light enters and a
-    /// point whose offset from there has the square `square` and the part `along` the normal.
-    ///
-    /// The real source is a transport length below where light enters; it is never nearer than
-    /// that, as the paper has it for curved surfaces. On a plane this is the distance along it.
+    /// [`square_of_distance`] for its own source.
     #[inline]
     pub(crate) fn square_of_distance(&self, square: f64, along: f64) -> f64 {
-        (square + 2.0 * self.source_depth_mm * along).max(0.0)
+        square_of_distance(square, along, self.source_depth_mm)
+    }
+
+    /// The table before, and how far on the way to the next.
+    pub(crate) fn between(&self) -> (usize, f64) {
+        (self.table, self.part)
+    }
+
+    /// Factor on what the tables have.
+    pub(crate) fn factor(&self) -> f64 {
+        self.albedo * self.per_square
+    }
+
+    /// Squares of the lengths of the tables for each mm².
+    pub(crate) fn per_square(&self) -> f64 {
+        self.per_square
+    }
+
+    /// How far below the surface the light is thought to come from, mm.
+    pub(crate) fn source_depth_mm(&self) -> f64 {
+        self.source_depth_mm
     }
 
     /// All that leaves of the light that enters.

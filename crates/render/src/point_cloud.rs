@@ -8,7 +8,7 @@ mod samples;
 mod tree;
 
 use crate::Vec3;
-use crate::bssrdf::{Bssrdf, Diffusion, Local};
+use crate::bssrdf::{Bssrdf, Diffusion, Local, square_of_distance};
 use crate::method::{Method, Picture, Planes};
 use crate::scene::{Scene, SceneError};
 use crate::surface::{Point, Shader, arrives, picture};
@@ -39,7 +39,9 @@ pub enum Gather {
 
 impl Gather {
     /// The hierarchy with a solid angle at which it is within 0.5 % of all points one by one.
-    pub const HIERARCHY: Self = Self::Hierarchy { solid_angle: 0.009 };
+    pub const HIERARCHY: Self = Self::Hierarchy {
+        solid_angle: 0.0075,
+    };
 }
 
 /// Side of the square that a point stands for, over the transport mean free path of the densest
@@ -81,30 +83,40 @@ fn scatter_radius(given: Option<f64>, diffusion: &Local<'_>) -> f64 {
 struct Solid {
     surface: Option<Surface>,
     points: usize,
-    /// R_d of each channel, table by table of its family.
+    /// R_d of each channel, table by table of its family; under a texture their logarithms.
     spreads: Vec<Vec<BySquare>>,
 }
 
-/// R_d as a table over the square of the distance, eight bits of which tell steps within an octave
-/// apart: without logarithms, and on a line between steps within 2e-5 of a power law.
+/// A function of the distance as a table over its square, eight bits of which tell steps within an
+/// octave apart: without logarithms, and on a line between steps within 2e-5 of a power law.
 struct BySquare {
     first: u64,
     values: Vec<f64>,
+    beyond: f64,
 }
 
 impl BySquare {
     /// Bits of a double below those that count.
     const SHIFT: u32 = 52 - 8;
 
-    fn new(diffusion: &Diffusion) -> Self {
+    /// R_d with its share or, where it is to be found between several, its logarithm.
+    fn new(diffusion: &Diffusion, logarithm: bool) -> Self {
         let (low, high) = diffusion.profile.range();
         let first = (low * low).to_bits() >> Self::SHIFT;
         let last = (high * high).to_bits() >> Self::SHIFT;
         let at = |index: u64| f64::from_bits(index << Self::SHIFT).sqrt();
-        let value = |index| diffusion.share * diffusion.profile.value(at(index));
+        let of = |value: f64| {
+            if logarithm {
+                value.max(f64::MIN_POSITIVE).ln()
+            } else {
+                value
+            }
+        };
+        let value = |index| of(diffusion.share * diffusion.profile.value(at(index)));
         Self {
             first,
             values: (first..=last + 1).map(value).collect(),
+            beyond: of(0.0),
         }
     }
 
@@ -121,8 +133,49 @@ impl BySquare {
                 let high = f64::from_bits((index + 1) << Self::SHIFT);
                 here + (next - here) * (square - low) / (high - low)
             }
-            _ => 0.0,
+            _ => self.beyond,
         }
+    }
+}
+
+/// Light that enters one of many media, ready to be looked at from any distance: what
+/// [`Local::spread_by`] would have to work out for each look. Single precision is enough for it.
+#[derive(Clone, Copy, Debug)]
+struct Source {
+    /// ln of the factor on what the tables have.
+    ln_factor: f32,
+    /// The table before, and how far on the way to the next.
+    table: u32,
+    part: f32,
+    /// Squares of the tables for each mm².
+    per_square: f32,
+    source_depth_mm: f32,
+}
+
+impl Source {
+    fn new(local: &Local<'_>, power: f64) -> Self {
+        let (table, part) = local.between();
+        Self {
+            ln_factor: (local.factor() * power).ln() as f32,
+            table: table as u32,
+            part: part as f32,
+            per_square: local.per_square() as f32,
+            source_depth_mm: local.source_depth_mm() as f32,
+        }
+    }
+
+    /// The light of it that leaves at a point whose offset has the square `square` and the part
+    /// `along` the normal, by tables of logarithms.
+    #[inline]
+    fn light(&self, ln_tables: &[BySquare], square: f64, along: f64) -> f64 {
+        let square = square_of_distance(square, along, f64::from(self.source_depth_mm));
+        let own = square * f64::from(self.per_square);
+        let table = self.table as usize;
+        let mut ln_light = ln_tables[table].value(own);
+        if self.part > 0.0 {
+            ln_light += f64::from(self.part) * (ln_tables[table + 1].value(own) - ln_light);
+        }
+        (f64::from(self.ln_factor) + ln_light).exp()
     }
 }
 
@@ -184,7 +237,11 @@ impl<'a> PointCloud<'a> {
                 points,
                 spreads: families
                     .iter()
-                    .map(|f| f.tables().iter().map(BySquare::new).collect())
+                    .map(|f| {
+                        let tables = f.tables().iter();
+                        let textured = object.material.texture.is_some();
+                        tables.map(|d| BySquare::new(d, textured)).collect()
+                    })
                     .collect(),
             })
         };
@@ -256,11 +313,18 @@ impl<'a> PointCloud<'a> {
                 remember(&point);
             }
         }
-        let trees: Vec<Tree> = points
+        let trees: Vec<Tree<Source>> = points
             .iter()
             .zip(&powers)
             .zip(&media)
-            .map(|((points, powers), media)| Tree::new(points, powers, media, channels))
+            .enumerate()
+            .map(|(object, ((points, powers), media))| {
+                let families = self.bssrdf.of_object(object);
+                let make = |channel: usize, power: f64, medium: &Medium| {
+                    Source::new(&families[channel].of(medium), power)
+                };
+                Tree::new(points, powers, media, channels, &make)
+            })
             .collect();
         let gathered = match self.gather {
             Gather::Hierarchy { .. } => vec![],
@@ -279,7 +343,7 @@ impl<'a> PointCloud<'a> {
 
     /// Radius of the widest bell, mm, and the light that leaves under the bells around every point of a
     /// tree, in each channel, W mm⁻².
-    fn gathered(&self, object: usize, tree: &Tree, radius: Option<f64>) -> (f64, Vec<f64>) {
+    fn gathered(&self, object: usize, tree: &Tree<Source>, radius: Option<f64>) -> (f64, Vec<f64>) {
         let even = &self.scene.objects[object].material.media;
         let channels = even.len();
         let of_media = |media: &[Medium]| -> Vec<(f64, f64)> {
@@ -359,7 +423,7 @@ impl Method for PointCloud<'_> {
 /// Points with the light that enters there, ready to be looked at from any place.
 pub struct Cloud<'a> {
     method: &'a PointCloud<'a>,
-    trees: Vec<Tree>,
+    trees: Vec<Tree<Source>>,
     /// For each solid the widest bell, mm, and by point and channel the light under all of them.
     gathered: Vec<(f64, Vec<f64>)>,
 }
@@ -380,27 +444,29 @@ impl Cloud<'_> {
     }
 
     fn by_hierarchy(&self, point: &Point, solid_angle: f64, out: &mut [f64]) {
-        let spreads = &self.method.solids[point.object].spreads;
-        let bssrdf = &self.method.bssrdf;
+        let tables = &self.method.solids[point.object].spreads;
+        let tree = &self.trees[point.object];
+        if self.method.is_textured(point.object) {
+            tree.seen(point.at, solid_angle, |from, seen| {
+                let offset = point.at - from.at;
+                let (square, along) = (offset.length_squared(), offset.dot(from.normal));
+                for (channel, (out, tables)) in out.iter_mut().zip(tables).enumerate() {
+                    for source in tree.made(seen, channel) {
+                        *out += source.light(tables, square, along);
+                    }
+                }
+            });
+            return;
+        }
         let even = &self.method.scene.objects[point.object].material.media;
-        let even: Vec<Local> = bssrdf.at(point.object, even).collect();
-        self.trees[point.object].seen(point.at, solid_angle, |from, powers, media| {
+        let even: Vec<Local> = self.method.bssrdf.at(point.object, even).collect();
+        tree.seen(point.at, solid_angle, |from, seen| {
             let offset = point.at - from.at;
             let (square, along) = (offset.length_squared(), offset.dot(from.normal));
-            let light = |local: &Local, spreads: &[BySquare]| {
+            let channels = out.iter_mut().zip(tree.powers(seen)).zip(tables);
+            for (((out, power), tables), local) in channels.zip(&even) {
                 let square = local.square_of_distance(square, along);
-                local.spread_by(square, |table, own| spreads[table].value(own))
-            };
-            let channels = out.iter_mut().zip(powers).zip(spreads);
-            if media.is_empty() {
-                for (((out, power), spreads), local) in channels.zip(&even) {
-                    *out += power * light(local, spreads);
-                }
-            } else {
-                let locals = bssrdf.at(point.object, media);
-                for (((out, power), spreads), local) in channels.zip(locals) {
-                    *out += power * light(&local, spreads);
-                }
+                *out += power * local.spread_by(square, |table, own| tables[table].value(own));
             }
         });
     }

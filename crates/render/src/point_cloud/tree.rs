@@ -27,13 +27,13 @@ struct Node {
     low: Vec3,
     high: Vec3,
     points: Range<usize>,
-    /// How far the media of its points are apart; none where they are the same everywhere.
+    /// How far the media that one stands for are apart; nothing where they are the same everywhere.
     mixed: Mixed,
     /// The node after all that are below this one.
     next: usize,
 }
 
-/// How far media are apart, in the channel where they are farthest.
+/// How far media are apart, of those that one stands for where they are farthest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mixed {
     /// Of σₜᵣ, mm⁻¹, and the least.
@@ -48,24 +48,24 @@ struct Mixed {
 /// little light, they may be further apart by the root of what is left of it.
 const ALIKE: f64 = 0.25;
 
+/// Media whose σₜᵣ is apart by less, over the least, share a [`Group`] of a node: then they are
+/// alike at any distance, (x/3)² e^(−x) being below the square of [`ALIKE`].
+const GROUP: f64 = 1.0 / 3.0;
+/// The same for media that hardly absorb, whose σₜᵣ is small beside this share of σₜ′: they are
+/// alike for 40 transport lengths.
+const CLEAR: f64 = 0.02;
+
 impl Mixed {
-    /// Of media, channel by channel within a point.
-    fn new(media: &[Medium], channels: usize) -> Self {
+    fn of(groups: &[Vec<Group>]) -> Self {
         let mut mixed = Self {
             least_sigma_tr: f64::INFINITY,
             ..Self::default()
         };
-        for channel in 0..channels {
-            let ends = |of: &dyn Fn(&Medium) -> f64| {
-                let of_channel = media.iter().skip(channel).step_by(channels).map(of);
-                of_channel.fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
-                    (low.min(x), high.max(x))
-                })
-            };
-            let (low, high) = ends(&|m| m.reduced().coefficients().sigma_tr());
+        for group in groups.iter().flatten() {
+            let [low, high] = group.sigma_tr;
             mixed.sigma_tr = mixed.sigma_tr.max(high - low);
             mixed.least_sigma_tr = mixed.least_sigma_tr.min(low);
-            let (low, high) = ends(&|m| m.reduced().coefficients().sigma_t_prime());
+            let [low, high] = group.sigma_t_prime;
             mixed.paths = mixed.paths.max(high / low - 1.0);
         }
         mixed
@@ -78,23 +78,106 @@ impl Mixed {
     }
 }
 
-/// Points with the power that enters at each, in every channel.
+/// Light of one channel that enters media which are much alike.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    /// W.
+    power: f64,
+    /// The mean of the light's own.
+    medium: Medium,
+    /// The least and the greatest.
+    sigma_tr: [f64; 2],
+    sigma_t_prime: [f64; 2],
+}
+
+impl Group {
+    fn new(power: f64, medium: Medium) -> Self {
+        let coefficients = medium.reduced().coefficients();
+        Self {
+            power,
+            medium,
+            sigma_tr: [coefficients.sigma_tr(); 2],
+            sigma_t_prime: [coefficients.sigma_t_prime(); 2],
+        }
+    }
+
+    /// Both together, if they are alike enough.
+    fn with(&self, other: &Self) -> Option<Self> {
+        let both = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        let sigma_tr = both(self.sigma_tr, other.sigma_tr);
+        let sigma_t_prime = both(self.sigma_t_prime, other.sigma_t_prime);
+        let most = GROUP * (sigma_tr[0] + CLEAR * sigma_t_prime[0]);
+        let paths = sigma_t_prime[1] / sigma_t_prime[0] - 1.0;
+        if sigma_tr[1] - sigma_tr[0] > most || paths >= ALIKE {
+            return None;
+        }
+        let power = self.power + other.power;
+        let part = other.power / power;
+        let mean = |a: f64, b: f64| a + part * (b - a);
+        Some(Self {
+            power,
+            medium: Medium {
+                sigma_a: mean(self.medium.sigma_a, other.medium.sigma_a),
+                sigma_s: mean(self.medium.sigma_s, other.medium.sigma_s),
+                ..self.medium
+            },
+            sigma_tr,
+            sigma_t_prime,
+        })
+    }
+}
+
+/// As few groups as there can be, from the least σₜᵣ to the greatest.
+fn joined(mut groups: Vec<Group>) -> Vec<Group> {
+    groups.sort_unstable_by(|a, b| a.sigma_tr[0].total_cmp(&b.sigma_tr[0]));
+    let mut found: Vec<Group> = vec![];
+    for group in groups {
+        match found
+            .last_mut()
+            .and_then(|last| Some((last.with(&group)?, last)))
+        {
+            Some((both, last)) => *last = both,
+            None => found.push(group),
+        }
+    }
+    found
+}
+
+/// What stands for all points as seen from somewhere: some of them, and nodes for the others.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Seen {
+    Point(usize),
+    Node(usize),
+}
+
+/// Points with the power that enters at each, in every channel. Where media differ from point to
+/// point, there is a `K` for the power and the medium of each, and several for a node.
 #[derive(Clone, Debug)]
-pub(super) struct Tree {
+pub(super) struct Tree<K> {
     channels: usize,
     points: Vec<Lit>,
     /// Channel by channel within a point, W.
     powers: Vec<f64>,
     /// Likewise the media there; none where they are the same everywhere.
     media: Vec<Medium>,
+    of_points: Vec<K>,
     nodes: Vec<Node>,
     node_powers: Vec<f64>,
-    node_media: Vec<Medium>,
+    /// For each node, channel by channel, where its own are.
+    node_ranges: Vec<[u32; 2]>,
+    of_nodes: Vec<K>,
 }
 
-impl Tree {
-    /// Of points with their powers and, where they differ from point to point, media.
-    pub(super) fn new(points: &[Lit], powers: &[f64], media: &[Medium], channels: usize) -> Self {
+impl<K: Copy> Tree<K> {
+    /// Of points with their powers and, where they differ from point to point, media. `make` is told
+    /// of a channel, a power and a medium.
+    pub(super) fn new(
+        points: &[Lit],
+        powers: &[f64],
+        media: &[Medium],
+        channels: usize,
+        make: &dyn Fn(usize, f64, &Medium) -> K,
+    ) -> Self {
         assert_eq!(points.len() * channels, powers.len());
         assert!(media.is_empty() || media.len() == powers.len());
         let (low, high) = points
@@ -112,28 +195,42 @@ impl Tree {
             let of_point = |&(_, k): &(u64, usize)| &list[k * channels..(k + 1) * channels];
             order.iter().flat_map(of_point).copied().collect()
         }
+        let powers = sorted(powers, &order, channels);
+        let media = if media.is_empty() {
+            vec![]
+        } else {
+            sorted(media, &order, channels)
+        };
+        let each = media.iter().zip(&powers).enumerate();
         let mut tree = Self {
             channels,
             points: order.iter().map(|&(_, k)| points[k]).collect(),
-            powers: sorted(powers, &order, channels),
-            media: if media.is_empty() {
-                vec![]
-            } else {
-                sorted(media, &order, channels)
-            },
+            of_points: each
+                .map(|(k, (medium, power))| make(k % channels, *power, medium))
+                .collect(),
+            powers,
+            media,
             nodes: vec![],
             node_powers: vec![],
-            node_media: vec![],
+            node_ranges: vec![],
+            of_nodes: vec![],
         };
         if !points.is_empty() {
             let codes: Vec<u64> = order.into_iter().map(|(code, _)| code).collect();
-            tree.grow(&codes, 0..points.len(), LEVELS);
+            tree.grow(&codes, 0..points.len(), LEVELS, make);
         }
         tree
     }
 
-    /// Adds the node of `range`, whose codes agree down to `level`, and all below it.
-    fn grow(&mut self, codes: &[u64], range: Range<usize>, level: u32) {
+    /// Adds the node of `range`, whose codes agree down to `level`, and all below it; says what
+    /// enters which media there, channel by channel.
+    fn grow(
+        &mut self,
+        codes: &[u64],
+        range: Range<usize>,
+        level: u32,
+        make: &dyn Fn(usize, f64, &Medium) -> K,
+    ) -> Vec<Vec<Group>> {
         let index = self.nodes.len();
         let channels = self.channels;
         let points = &self.points[range.clone()];
@@ -155,26 +252,6 @@ impl Tree {
                 *sum += power;
             }
         }
-        let mut mixed = Mixed::default();
-        if !self.media.is_empty() {
-            let of_points = range.start * channels..range.end * channels;
-            let media = &self.media[of_points.clone()];
-            mixed = Mixed::new(media, channels);
-            let powers = &self.powers[of_points];
-            for channel in 0..channels {
-                // The mean of the light's own, or the first where there is none.
-                let mut mean = media[channel];
-                if sums[channel] > 0.0 {
-                    (mean.sigma_a, mean.sigma_s) = (0.0, 0.0);
-                    let all = media.iter().zip(powers).skip(channel).step_by(channels);
-                    for (medium, power) in all {
-                        mean.sigma_a += power / sums[channel] * medium.sigma_a;
-                        mean.sigma_s += power / sums[channel] * medium.sigma_s;
-                    }
-                }
-                self.node_media.push(mean);
-            }
-        }
         self.node_powers.extend(sums);
         self.nodes.push(Node {
             mean: Lit {
@@ -186,20 +263,46 @@ impl Tree {
             low,
             high,
             points: range.clone(),
-            mixed,
+            mixed: Mixed::default(),
             next: 0,
         });
+        let textured = !self.media.is_empty();
+        if textured {
+            self.node_ranges.resize((index + 1) * channels, [0; 2]);
+        }
+        let mut groups: Vec<Vec<Group>> = vec![vec![]; if textured { channels } else { 0 }];
         if range.len() > LEAF && level > 0 {
             let shift = 3 * (level - 1);
             let mut start = range.start;
             while start < range.end {
                 let digit = codes[start] >> shift;
                 let len = codes[start..range.end].partition_point(|code| code >> shift == digit);
-                self.grow(codes, start..start + len, level - 1);
+                let below = self.grow(codes, start..start + len, level - 1, make);
+                for (groups, below) in groups.iter_mut().zip(below) {
+                    groups.extend(below);
+                }
                 start += len;
             }
+        } else if textured {
+            for k in range.start * channels..range.end * channels {
+                if self.powers[k] > 0.0 {
+                    groups[k % channels].push(Group::new(self.powers[k], self.media[k]));
+                }
+            }
+        }
+        for (channel, groups) in groups.iter_mut().enumerate() {
+            *groups = joined(std::mem::take(groups));
+            let start = self.of_nodes.len() as u32;
+            let all = groups.iter().map(|g| make(channel, g.power, &g.medium));
+            self.of_nodes.extend(all);
+            let end = self.of_nodes.len() as u32;
+            self.node_ranges[index * channels + channel] = [start, end];
+        }
+        if textured {
+            self.nodes[index].mixed = Mixed::of(&groups);
         }
         self.nodes[index].next = self.nodes.len();
+        groups
     }
 
     pub(super) fn len(&self) -> usize {
@@ -214,28 +317,41 @@ impl Tree {
 
     /// The media at a point, in the order of the tree; none where they are the same everywhere.
     pub(super) fn media(&self, index: usize) -> &[Medium] {
-        Self::of(&self.media, index, self.channels)
+        let of_point = index * self.channels..(index + 1) * self.channels;
+        self.media.get(of_point).unwrap_or_default()
     }
 
-    fn of(media: &[Medium], index: usize, channels: usize) -> &[Medium] {
-        media
-            .get(index * channels..(index + 1) * channels)
-            .unwrap_or_default()
+    /// The power of a point or node, by channel.
+    #[inline]
+    pub(super) fn powers(&self, seen: Seen) -> &[f64] {
+        let (index, powers) = match seen {
+            Seen::Point(index) => (index, &self.powers),
+            Seen::Node(index) => (index, &self.node_powers),
+        };
+        &powers[index * self.channels..][..self.channels]
+    }
+
+    /// What was made of the power of a point or node in a channel, where media differ.
+    #[inline]
+    pub(super) fn made(&self, seen: Seen, channel: usize) -> &[K] {
+        match seen {
+            Seen::Point(index) => {
+                std::slice::from_ref(&self.of_points[index * self.channels + channel])
+            }
+            Seen::Node(index) => {
+                let [start, end] = self.node_ranges[index * self.channels + channel];
+                &self.of_nodes[start as usize..end as usize]
+            }
+        }
     }
 
     /// Tells `add` of what stands for all points as seen from `from`: nodes whose surface fills less
-    /// than `solid_angle` there, and the points of the others; with the power and, where they
-    /// differ from point to point, the media. Where no light enters is left out.
+    /// than `solid_angle` there, and the points of the others. Where no light enters is left out.
     #[inline]
-    pub(super) fn seen(
-        &self,
-        from: Vec3,
-        solid_angle: f64,
-        mut add: impl FnMut(&Lit, &[f64], &[Medium]),
-    ) {
+    pub(super) fn seen(&self, from: Vec3, solid_angle: f64, mut add: impl FnMut(&Lit, Seen)) {
         let mut index = 0;
         while let Some(node) = self.nodes.get(index) {
-            let powers = &self.node_powers[index * self.channels..][..self.channels];
+            let powers = self.powers(Seen::Node(index));
             if powers.iter().all(|power| *power == 0.0) {
                 index = node.next;
                 continue;
@@ -244,16 +360,11 @@ impl Tree {
             let square = (node.mean.at - from).length_squared();
             let far = !inside && node.mean.area < solid_angle * square;
             if far && node.mixed.alike(square) {
-                add(
-                    &node.mean,
-                    powers,
-                    Self::of(&self.node_media, index, self.channels),
-                );
+                add(&node.mean, Seen::Node(index));
                 index = node.next;
             } else if node.next == index + 1 {
                 for k in node.points.clone() {
-                    let (point, powers) = self.point(k);
-                    add(point, powers, self.media(k));
+                    add(&self.points[k], Seen::Point(k));
                 }
                 index = node.next;
             } else {
