@@ -434,6 +434,10 @@ const CURVED: f64 = 0.3;
 const FAR: f64 = 0.3;
 /// A drawn point that may bring this share of the light of an even surface looks for lamps.
 const SURE_SHARE: f64 = 0.1;
+/// Lengths that are drawn for light that scattered once.
+const PARTS: u32 = 2;
+/// Optical thickness from which it hardly comes through.
+const THICK: f64 = 16.0;
 /// Share of the draws by light that is even over the surface, for what those missed.
 const EVEN: f64 = 0.1;
 
@@ -815,75 +819,71 @@ impl Bssrdf {
         })) else {
             return;
         };
-        let channel = ((uniform(rng) * media.len() as f64) as usize).min(media.len() - 1);
-        let free = -(1.0 - uniform(rng)).ln() / media[channel].sigma_t();
-        let density = |s: f64| {
-            let all = media.iter().map(|m| {
-                let sigma_t = m.sigma_t();
-                sigma_t * (-sigma_t * s).exp()
-            });
-            all.sum::<f64>() / media.len() as f64
-        };
         let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
-        for lamp in &scene.lamps {
-            // Where a beam crosses the ray is known.
-            let (s, per_density) = match lamp.light {
-                Light::Beam {
-                    from,
-                    direction,
-                    spot,
-                } => {
-                    let Some((first, last)) = within_beam(point.at, inside, from, direction, spot)
-                    else {
-                        continue;
-                    };
-                    let (first, last) = (first.max(0.0), last.min(far.distance));
-                    if first >= last {
-                        continue;
+        if far.distance <= 0.0 {
+            return;
+        }
+        for nth in 0..PARTS {
+            // One length from each part of what is drawn.
+            let share = (f64::from(nth) + uniform(rng)) / f64::from(PARTS);
+            let drawn = length_inside(media, far.distance, share);
+            for lamp in &scene.lamps {
+                // Where a beam crosses the ray is known.
+                let (s, per_density) = match lamp.light {
+                    Light::Beam {
+                        from,
+                        direction,
+                        spot,
+                    } => {
+                        let Some((first, last)) =
+                            within_beam(point.at, inside, from, direction, spot)
+                        else {
+                            continue;
+                        };
+                        let (first, last) = (first.max(0.0), last.min(far.distance));
+                        if first >= last {
+                            continue;
+                        }
+                        (first + (last - first) * share, last - first)
                     }
-                    (first + (last - first) * uniform(rng), last - first)
-                }
-                _ => (free, 1.0 / density(free)),
-            };
-            if s >= far.distance {
-                continue;
-            }
-            let place = point.at + s * inside;
-            let Some(incident) = lamp.light.shine(place, None, rng) else {
-                continue;
-            };
-            let found = through_surface(scene, point.object, place, &incident);
-            let Some((at, hit)) = found else {
-                continue;
-            };
-            let entry = Point::new(scene, point.object, at, &hit);
-            let normal = entry.normal;
-            let cos_in = incident.toward.dot(normal);
-            if cos_in <= 0.0 {
-                continue;
-            }
-            let entered = scene.media(&entry);
-            for (channel, (medium, entered)) in media.iter().zip(&*entered).enumerate() {
-                let &Medium {
-                    sigma_s, eta, g, ..
-                } = medium;
-                let arriving = part(-incident.toward, normal, eta);
-                let Some(inner) = fresnel::refracted_cos(eta, cos_in.min(1.0)) else {
+                    _ => drawn,
+                };
+                let place = point.at + s * inside;
+                let Some(incident) = lamp.light.shine(place, None, rng) else {
                     continue;
                 };
-                let length = hit.distance * cos_in / inner;
-                let phase = HenyeyGreenstein { g }.density(-arriving.refracted.dot(inside));
-                let depth = medium.sigma_t() * s + entered.sigma_t() * length;
-                out[channel] += lamp.strength[channel]
-                    * incident.irradiance
-                    * per_density
-                    * (1.0 - arriving.reflectance)
-                    * (cos_in / inner)
-                    * sigma_s
-                    * phase
-                    * (-depth).exp()
-                    * fresnel::entry_factor(eta, cos_out)
-                    / (eta * eta);
+                let found = through_surface(scene, point.object, place, &incident);
+                let Some((at, hit)) = found else {
+                    continue;
+                };
+                let entry = Point::new(scene, point.object, at, &hit);
+                let normal = entry.normal;
+                let cos_in = incident.toward.dot(normal);
+                if cos_in <= 0.0 {
+                    continue;
+                }
+                let entered = scene.media(&entry);
+                for (channel, (medium, entered)) in media.iter().zip(&*entered).enumerate() {
+                    let &Medium {
+                        sigma_s, eta, g, ..
+                    } = medium;
+                    let arriving = part(-incident.toward, normal, eta);
+                    let Some(inner) = fresnel::refracted_cos(eta, cos_in.min(1.0)) else {
+                        continue;
+                    };
+                    let length = hit.distance * cos_in / inner;
+                    let phase = HenyeyGreenstein { g }.density(-arriving.refracted.dot(inside));
+                    let depth = medium.sigma_t() * s + entered.sigma_t() * length;
+                    out[channel] += lamp.strength[channel] * incident.irradiance * per_density
+                        / f64::from(PARTS)
+                        * (1.0 - arriving.reflectance)
+                        * (cos_in / inner)
+                        * sigma_s
+                        * phase
+                        * (-depth).exp()
+                        * fresnel::entry_factor(eta, cos_out)
+                        / (eta * eta);
+                }
             }
         }
     }
@@ -902,6 +902,29 @@ impl Shader for Bssrdf {
         self.diffuse(scene, point, view, rng, diffuse);
         self.single(scene, point, view, rng, single);
     }
+}
+
+/// A length of the way inside at which light may have scattered once, of a draw between 0 and 1, and
+/// one over its density, mm: as light that comes from the front falls off in one of the media or,
+/// where the solid is not much thicker than a few mean free paths and light may come through it,
+/// evenly.
+fn length_inside(media: &[Medium], far: f64, share: f64) -> (f64, f64) {
+    let count = media.len() as f64;
+    let thickness = far * media.iter().map(Medium::sigma_t).sum::<f64>() / count;
+    let even = 0.5 / (1.0 + (thickness / THICK).powi(2));
+    // What of an exponential is within.
+    let inside = |m: &Medium| -(-m.sigma_t() * far).exp_m1();
+    let length = if share < even {
+        far * share / even
+    } else {
+        let place = (share - even) / (1.0 - even) * count;
+        let medium = &media[(place as usize).min(media.len() - 1)];
+        -(-place.fract() * inside(medium)).ln_1p() / medium.sigma_t()
+    };
+    let falling = |m: &Medium| m.sigma_t() * (-m.sigma_t() * length).exp() / inside(m);
+    let falling = media.iter().map(falling).sum::<f64>() / count;
+    let evenly = if even > 0.0 { even / far } else { 0.0 };
+    (length, 1.0 / (evenly + (1.0 - even) * falling))
 }
 
 /// Where a ray is inside a beam: first and last length.

@@ -501,6 +501,10 @@ impl Cloud<'_> {
 }
 
 impl Shader for Cloud<'_> {
+    fn shaded(&self) -> u32 {
+        1
+    }
+
     fn shade(
         &self,
         scene: &Scene,

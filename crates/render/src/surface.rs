@@ -64,6 +64,12 @@ impl Point {
 
 /// What comes out of a solid at a point toward a camera.
 pub trait Shader: Sync {
+    /// How many of the rays of a pixel in a round are shaded, at least 1: all of them if that does
+    /// not cost much more than to find what they meet.
+    fn shaded(&self) -> u32 {
+        RAYS
+    }
+
     /// Adds the radiance toward `view`, a unit vector away from the surface, to `single` and
     /// `diffuse`, which have one number a channel: an estimate without bias of what the model
     /// says.
@@ -89,9 +95,10 @@ pub struct Shaded<'a, S> {
 /// Mirrors that a ray of the camera may meet before it is given up.
 const MIRRORS: usize = 8;
 
-/// Rays of a pixel in a round that look for lamps and their mirror images. One of them is shaded,
-/// which costs more than all of them: the edges of mirror images are sharp and bright.
-const RAYS: u32 = 4;
+/// Rays of a pixel in a round that look for lamps and their mirror images, whose edges are sharp and
+/// bright; one in each part of its square, which has so many along a side.
+const SIDE: u32 = 2;
+const RAYS: u32 = SIDE * SIDE;
 
 impl<'a, S: Shader> Shaded<'a, S> {
     /// Pictures of `scene` by `shader`.
@@ -147,15 +154,16 @@ pub(crate) fn picture(
     for pixel in 0..pixels {
         let mut rng = stream(seed, &[4, index, pixel as u64]);
         for ray in 0..RAYS {
-            let x = (pixel % width) as f64 + uniform(&mut rng);
-            let y = (pixel / width) as f64 + uniform(&mut rng);
+            let [x, y] = [ray % SIDE, ray / SIDE]
+                .map(|part| (f64::from(part) + uniform(&mut rng)) / f64::from(SIDE));
+            let (x, y) = ((pixel % width) as f64 + x, (pixel / width) as f64 + y);
             let (mut origin, mut direction) = scene.camera.ray(x, y);
             // What the mirrors so far have left of the light, in each channel.
             weight.fill(1.0);
             let mut add = |channel: usize, order: u32, value: f64| {
                 picture[planes.of(channel, order) * pixels + pixel] += value;
             };
-            for _ in 0..MIRRORS {
+            for mirrors in 0..MIRRORS {
                 let entered = scene.enter(origin, direction);
                 let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
                 let lit = |channel| scene.lit(channel, origin, direction, within, &all);
@@ -175,7 +183,9 @@ pub(crate) fn picture(
                     // Shading may not show a point from behind.
                     point.normal = point.true_normal;
                 }
-                if ray == 0 {
+                // What little a mirror adds is worth no more than one.
+                let shaded = if mirrors == 0 { shader.shaded() } else { 1 };
+                if ray < shaded {
                     single.fill(0.0);
                     diffuse.fill(0.0);
                     shader.shade(
@@ -187,6 +197,7 @@ pub(crate) fn picture(
                         &mut diffuse,
                     );
                     for (channel, weight) in weight.iter().enumerate() {
+                        let weight = weight / f64::from(shaded);
                         add(channel, 1, weight * single[channel]);
                         add(channel, 2, weight * diffuse[channel]);
                     }
