@@ -248,6 +248,10 @@ fn bad_scenes_are_answered() {
     )
     .unwrap();
     fs::write(path.join("empty.obj"), "# nothing\n").unwrap();
+    fs::write(path.join("index.obj"), "v 0 0 0\nf 1 2 9\n").unwrap();
+    let header = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\n\
+                  property float y\nproperty float z\nend_header\n0 0 0\n";
+    fs::write(path.join("cut.ply"), header).unwrap();
     fs::write(
         path.join("normal.obj"),
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvn nan 0 1\nf 1//1 2//2 3//1\n",
@@ -305,6 +309,8 @@ fn bad_scenes_are_answered() {
         (mesh("flat.obj"), "encloses no volume"),
         (mesh("nan.obj"), "vertex 1"),
         (mesh("empty.obj"), "no triangle"),
+        (mesh("index.obj"), "out of bounds; the file is damaged"),
+        (mesh("cut.ply"), "got 1); the file is cut short"),
         (mesh("open.obj"), "no path finds it"),
         (mesh("normal.obj"), "normals of vertex 2"),
         (

@@ -23,10 +23,10 @@ pub struct Triangles {
 #[non_exhaustive]
 pub enum MeshFileError {
     /// Not an OBJ file, or a damaged one.
-    #[error("OBJ: {0}")]
+    #[error("OBJ: {0}; the file is damaged: export the mesh anew")]
     Obj(#[from] tobj::LoadError),
     /// Not a PLY file, or a damaged one.
-    #[error("PLY: {0}")]
+    #[error("PLY: {0}; the file is cut short or damaged: copy it, or export the mesh anew")]
     Ply(String),
     /// An element or a property that must be there is not.
     #[error("PLY: no {0}; expected vertices with x, y, z and faces with vertex_indices")]
@@ -85,7 +85,7 @@ pub fn read_obj(bytes: &[u8]) -> Result<Triangles, MeshFileError> {
 pub fn read_ply(mut bytes: impl Read) -> Result<Triangles, MeshFileError> {
     let ply = Parser::<DefaultElement>::new()
         .read_ply(&mut bytes)
-        .map_err(|e| MeshFileError::Ply(e.to_string()))?;
+        .map_err(|e| MeshFileError::Ply(first_line(&e.to_string())))?;
     let vertices = ply
         .payload
         .get("vertex")
@@ -130,6 +130,12 @@ pub fn read_ply(mut bytes: impl Read) -> Result<Triangles, MeshFileError> {
         }
     }
     Ok(out)
+}
+
+/// The reader's own causes stand on lines of their own, and say nothing new.
+fn first_line(text: &str) -> String {
+    let line = text.lines().next().unwrap_or_default();
+    line.trim_end_matches('.').to_owned()
 }
 
 fn number(property: &Property) -> Option<f64> {

@@ -88,7 +88,20 @@ impl From<fit::FitError> for Error {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:#}", self.source)
+        let mut before = String::new();
+        for cause in self.source.chain() {
+            let text = cause.to_string();
+            // Many errors end with what has caused them.
+            if before.ends_with(&text) {
+                continue;
+            }
+            if !before.is_empty() {
+                f.write_str(": ")?;
+            }
+            f.write_str(&text)?;
+            before = text;
+        }
+        Ok(())
     }
 }
 
@@ -115,5 +128,33 @@ impl<T, E: Into<anyhow::Error>> Blame<T> for std::result::Result<T, E> {
             kind: Kind::Fault,
             source: e.into().context(place.to_string()),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug)]
+    struct Twice(std::io::Error);
+
+    impl fmt::Display for Twice {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "OBJ: {}", self.0)
+        }
+    }
+
+    impl std::error::Error for Twice {
+        fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+            Some(&self.0)
+        }
+    }
+
+    #[test]
+    fn what_an_error_has_said_is_not_said_again() {
+        let io = std::io::Error::other("no such face");
+        let error: Result<()> = Err(Twice(io)).input("a.obj");
+        let text = error.expect_err("an error").within("scene").to_string();
+        assert_eq!(text, "scene: a.obj: OBJ: no such face");
     }
 }

@@ -68,7 +68,7 @@ pub struct Scene {
 #[non_exhaustive]
 pub enum SceneError {
     /// No solid, no light or no channel.
-    #[error("the scene has no {0}")]
+    #[error("the scene has no {0}; scenes/jensen8.toml shows a whole scene")]
     Nothing(&'static str),
     /// Media or strengths are not one for each channel.
     #[error("{of} has {found} channels, the scene {channels}")]

@@ -364,7 +364,8 @@ pub(super) fn faces(loaded: &Loaded, picture: &Picture) -> Vec<FaceLine> {
     let scene = &loaded.scene;
     let ledger = Ledger::new(scene, loaded.rings.as_ref());
     let mut faces = vec![];
-    let counted = !picture.powers.is_empty();
+    // Light that was followed from the camera alone is in no power.
+    let counted = (0..picture.powers.len()).any(|k| picture.powers.estimate(k).value > 0.0);
     for (channel, name) in scene.channels.iter().enumerate().filter(|_| counted) {
         for (object, o) in scene.objects.iter().enumerate() {
             for (face, face_name) in o.shape.face_names().iter().enumerate() {

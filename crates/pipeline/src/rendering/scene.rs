@@ -226,7 +226,7 @@ fn shape(entry: &ObjectEntry, folder: &Path, inputs: &mut Vec<PathBuf>) -> Resul
                 read_ply(open(&path)?).input(path.display())?
             } else {
                 return Err(wrong(format!(
-                    "`file`: expected .obj or .ply, found {name}"
+                    "`file`: expected .obj or .ply, found {name}; save the mesh as one of these"
                 )));
             };
             inputs.push(path.clone());

@@ -17,13 +17,13 @@ const MOST_TRIANGLES: usize = 100_000_000;
 #[non_exhaustive]
 pub enum MeshError {
     /// There is no triangle.
-    #[error("the mesh has no triangle")]
+    #[error("the mesh has no triangle; expected the faces of a closed solid: export it with them")]
     Empty,
     /// There are too many.
     #[error("the mesh has {0} triangles; at most 100 million can be used")]
     Huge(usize),
     /// A coordinate is not a number, or infinite.
-    #[error("vertex {index} is at ({}, {}, {}); expected finite numbers", at.x, at.y, at.z)]
+    #[error("vertex {index} is at ({}, {}, {}); expected finite numbers: look for nan and inf in the file, or export it anew", at.x, at.y, at.z)]
     NotFinite {
         /// The vertex, from 1.
         index: usize,
@@ -41,7 +41,9 @@ pub enum MeshError {
         index: usize,
     },
     /// A triangle names a vertex that is not there.
-    #[error("triangle {triangle} uses vertex {vertex}, but there are {vertices}")]
+    #[error(
+        "triangle {triangle} uses vertex {vertex}, but there are {vertices}; the file is damaged: export the mesh anew"
+    )]
     NoSuchVertex {
         /// The triangle, from 1.
         triangle: usize,
@@ -52,7 +54,7 @@ pub enum MeshError {
     },
     /// The triangles enclose nothing.
     #[error(
-        "the mesh encloses no volume: all its {0} triangles are degenerate or lie in one plane"
+        "the mesh encloses no volume: all its {0} triangles are degenerate or lie in one plane; a sheet needs a thickness and a back, or take a block"
     )]
     Flat(usize),
     /// A list has not one entry for each vertex.
