@@ -27,20 +27,10 @@ struct Node {
     low: Vec3,
     high: Vec3,
     points: Range<usize>,
-    /// How far the media that one stands for are apart; nothing where they are the same everywhere.
-    mixed: Mixed,
+    /// Square of the distance up to which its groups stand for their media, mm².
+    reach: f64,
     /// The node after all that are below this one.
     next: usize,
-}
-
-/// How far media are apart, of those that one stands for where they are farthest.
-#[derive(Clone, Copy, Debug, Default)]
-struct Mixed {
-    /// Of σₜᵣ, mm⁻¹, and the least.
-    sigma_tr: f64,
-    least_sigma_tr: f64,
-    /// Of σₜ′, over the least.
-    paths: f64,
 }
 
 /// Media whose σₜᵣ times the distance is apart by less, and whose σₜ′ by this share, may have one
@@ -49,34 +39,11 @@ struct Mixed {
 const ALIKE: f64 = 0.25;
 
 /// Media whose σₜᵣ is apart by less, over the least, share a [`Group`] of a node: then they are
-/// alike at any distance, (x/3)² e^(−x) being below the square of [`ALIKE`].
-const GROUP: f64 = 1.0 / 3.0;
+/// alike at any distance, since 0.3 x e^(−x/2) is never above [`ALIKE`].
+const GROUP: f64 = 0.3;
 /// The same for media that hardly absorb, whose σₜᵣ is small beside this share of σₜ′: they are
-/// alike for 40 transport lengths.
-const CLEAR: f64 = 0.02;
-
-impl Mixed {
-    fn of(groups: &[Vec<Group>]) -> Self {
-        let mut mixed = Self {
-            least_sigma_tr: f64::INFINITY,
-            ..Self::default()
-        };
-        for group in groups.iter().flatten() {
-            let [low, high] = group.sigma_tr;
-            mixed.sigma_tr = mixed.sigma_tr.max(high - low);
-            mixed.least_sigma_tr = mixed.least_sigma_tr.min(low);
-            let [low, high] = group.sigma_t_prime;
-            mixed.paths = mixed.paths.max(high / low - 1.0);
-        }
-        mixed
-    }
-
-    fn alike(&self, square: f64) -> bool {
-        let apart = self.sigma_tr * self.sigma_tr * square;
-        let left = || (-self.least_sigma_tr * square.sqrt()).exp();
-        self.paths < ALIKE && (apart < ALIKE * ALIKE || apart * left() < ALIKE * ALIKE)
-    }
-}
+/// alike for 400 transport lengths.
+const CLEAR: f64 = 0.002;
 
 /// Light of one channel that enters media which are much alike.
 #[derive(Clone, Copy, Debug)]
@@ -98,6 +65,18 @@ impl Group {
             medium,
             sigma_tr: [coefficients.sigma_tr(); 2],
             sigma_t_prime: [coefficients.sigma_t_prime(); 2],
+        }
+    }
+
+    /// Square of the distance up to which one stands for all, mm².
+    fn reach(&self) -> f64 {
+        let [low, high] = self.sigma_tr;
+        let apart = high - low;
+        // The farthest that apart · d · e^(−low d/2) ever gets.
+        if apart * 2.0 <= ALIKE * std::f64::consts::E * low {
+            f64::INFINITY
+        } else {
+            (ALIKE / apart).powi(2)
         }
     }
 
@@ -263,7 +242,7 @@ impl<K: Copy> Tree<K> {
             low,
             high,
             points: range.clone(),
-            mixed: Mixed::default(),
+            reach: f64::INFINITY,
             next: 0,
         });
         let textured = !self.media.is_empty();
@@ -298,9 +277,8 @@ impl<K: Copy> Tree<K> {
             let end = self.of_nodes.len() as u32;
             self.node_ranges[index * channels + channel] = [start, end];
         }
-        if textured {
-            self.nodes[index].mixed = Mixed::of(&groups);
-        }
+        let reaches = groups.iter().flatten().map(Group::reach);
+        self.nodes[index].reach = reaches.fold(f64::INFINITY, f64::min);
         self.nodes[index].next = self.nodes.len();
         groups
     }
@@ -359,7 +337,7 @@ impl<K: Copy> Tree<K> {
             let inside = from.cmpge(node.low).all() && from.cmple(node.high).all();
             let square = (node.mean.at - from).length_squared();
             let far = !inside && node.mean.area < solid_angle * square;
-            if far && node.mixed.alike(square) {
+            if far && square < node.reach {
                 add(&node.mean, Seen::Node(index));
                 index = node.next;
             } else if node.next == index + 1 {
