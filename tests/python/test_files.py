@@ -546,6 +546,9 @@ def test_init_writes_what_it_can_and_names_the_rest(mono, tmp_path):
         ("reference", "reflectance"),
         ("reference", "sigma_s_prime_per_mm"),
         ("reference", "sigma_a_per_mm"),
+        # What they may be off decides what is stray light.
+        ("reference", "u_sigma_s_prime_relative"),
+        ("reference", "u_sigma_a_per_mm"),
         ("reference", "eta"),
     ):
         line = f"{key} = {stated(key, section)}"
