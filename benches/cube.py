@@ -25,18 +25,25 @@ import xarray
 import beamspot
 import beamspot.distributed
 
-OPTIONS = {"eta": 1.4, "constraint": "none", "discrepancy": False}
+# Light per power that enters; the closed form itself is the truth.
+OPTIONS = {"eta": 1.4, "u_total": 2e-3, "u_scale": 5e-3, "discrepancy": False, "entry_loss": False}
+NOISE = 2e-3
+
+
+def media(wavelengths):
+    """Absorption falls with the wavelength."""
+    return [{"sigma_a": 0.2 * 0.99**k, "sigma_s_prime": 1.5, "eta": 1.4} for k in wavelengths]
+
+
+def clean(radii, wavelengths):
+    return np.array([beamspot.dipole(radii, **medium) for medium in media(wavelengths)])
 
 
 def profiles(radii, wavelengths, lines, first):
-    """A chunk: absorption falls with the wavelength, scattering varies along the line."""
+    """A chunk, with noise of its own."""
     rng = np.random.default_rng(first)
-    rows = [
-        beamspot.dipole(radii, sigma_a=0.2 * 0.99 ** (first[0] + k), sigma_s_prime=1.5, eta=1.4)
-        for k in range(wavelengths)
-    ]
     noise = rng.standard_normal((wavelengths, lines, len(radii)))
-    return np.array(rows)[:, None] * (1 + 2e-3 * noise)
+    return clean(radii, range(first[0], first[0] + wavelengths))[:, None] * (1 + NOISE * noise)
 
 
 def block(radii, block_info=None):
@@ -64,11 +71,13 @@ def main():
     )
     dims = ("wavelength_nm", "line", "radius_mm")
     cube = xarray.DataArray(made, dims=dims)
-    u = 2e-3 * beamspot.dipole(radii, sigma_a=0.01, sigma_s_prime=1.5, eta=1.4)
+    u = xarray.DataArray(NOISE * clean(radii, range(shape[0])), dims=(dims[0], dims[2]))
+    total = [beamspot.total_reflectance(**medium) for medium in media(range(shape[0]))]
+    total = xarray.DataArray(total, dims=dims[0])
     count = shape[0] * shape[1]
 
     def means(client):
-        fits = beamspot.distributed.fit_many(radii, cube, u, client=client, **OPTIONS)
+        fits = beamspot.distributed.fit_many(radii, cube, u, total=total, client=client, **OPTIONS)
         found = fits[["sigma_a_per_mm", "sigma_s_prime_per_mm", "reduced_chi2"]].mean("line")
         return found.assign(fitted=(fits.termination >= 0).sum()).compute()
 
@@ -88,8 +97,10 @@ def main():
     some = min(8, cube.data.npartitions)
     start = time.perf_counter()
     for k in range(some):
-        values = profiles(radii, *arguments.chunk, (8 * k, 0))
-        beamspot.fit_many(radii, values.reshape(-1, len(radii)), u, threads=1, **OPTIONS)
+        first = (k * arguments.chunk[0]) % shape[0]
+        values = xarray.DataArray(profiles(radii, *arguments.chunk, (first, 0)), dims=dims)
+        part = slice(first, first + arguments.chunk[0])
+        beamspot.fit_many(radii, values, u[part], total=total[part], threads=1, **OPTIONS)
     alone = (time.perf_counter() - start) / some / np.prod(arguments.chunk)
     print(f"{shape[0]} x {shape[1]} profiles of {shape[2]} radii in {cube.data.npartitions} chunks")
     print(f"loop in one process: {1e6 * alone:.2f} us a profile, made and fitted")
