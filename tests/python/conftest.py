@@ -5,13 +5,7 @@ import subprocess
 
 import pytest
 
-CAMERA = """width = 96
-height = 96
-mm_per_pixel = 0.4
-beam_fwhm_mm = 1.0
-channels = "mono"
-exposures_s = [0.001, 0.03, 1.0]
-"""
+from batch_kills import CAMERA
 
 
 def command(*arguments):
