@@ -125,7 +125,7 @@ def simulate(medium, photons=1e6, seed=1, *, simd=None, client=None, parts=None,
 
 
 def _measured(capture, folder, options):
-    return _beamspot.measure_one(*capture, folder, **options)
+    return _beamspot.measure_one(*capture, folder, options)
 
 
 def batch(captures, folder, *, client=None, retries=2, **options):
@@ -141,7 +141,7 @@ def batch(captures, folder, *, client=None, retries=2, **options):
     chosen = Options(chosen.arguments)
     captures, folder = chosen.pop("captures"), os.path.abspath(chosen.pop("folder"))
     client = _checked(client)
-    opened = _beamspot.open_batch(captures, folder, **chosen)
+    opened = _beamspot.open_batch(captures, folder, chosen)
     work = functools.partial(_measured, folder=folder, options=chosen)
     futures = client.map(
         work, opened.captures, key="beamspot-measure", pure=False, retries=retries

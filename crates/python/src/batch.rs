@@ -179,54 +179,61 @@ impl OpenBatch {
     }
 }
 
-/// Opens a folder for a batch; arguments as of `batch`.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-pub(crate) fn open_batch(
-    captures: Bound<'_, PyAny>,
-    folder: PathBuf,
+/// The keyword arguments of `batch`, as a dict that has all of them.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Asked {
     resume: bool,
     force: bool,
-    model: &str,
-    constraint: &str,
+    model: String,
+    constraint: String,
     g: Option<f64>,
     range_mm: Option<(f64, f64)>,
     confirm: bool,
     bootstrap: usize,
+}
+
+impl Asked {
+    fn options(&self) -> PyResult<Options> {
+        Ok(Options {
+            choices: choices(
+                &self.model,
+                &self.constraint,
+                self.g,
+                self.range_mm,
+                self.confirm,
+                self.bootstrap,
+            )?,
+            resume: self.resume,
+            force: self.force,
+        })
+    }
+}
+
+/// Opens a folder for a batch; `options`: the other arguments of `batch`.
+#[pyfunction]
+pub(crate) fn open_batch(
+    captures: Bound<'_, PyAny>,
+    folder: PathBuf,
+    options: Asked,
 ) -> PyResult<OpenBatch> {
-    let options = Options {
-        choices: choices(model, constraint, g, range_mm, confirm, bootstrap)?,
-        resume,
-        force,
-    };
+    let options = options.options()?;
     let list = List::read(&paths(&captures)?).map_err(|e| raised(&e))?;
     let inner = Open::new(&list, &folder, &options).map_err(|e| raised(&e))?;
     Ok(OpenBatch { inner })
 }
 
-/// Measures one capture of a batch that is open in `folder`, on one thread; the other arguments as
-/// of `batch`.
+/// Measures one capture of a batch that is open in `folder`, on one thread; `options`: the other
+/// arguments of `batch`.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn measure_one(
     py: Python<'_>,
     name: String,
     manifest: PathBuf,
     folder: PathBuf,
-    resume: bool,
-    force: bool,
-    model: &str,
-    constraint: &str,
-    g: Option<f64>,
-    range_mm: Option<(f64, f64)>,
-    confirm: bool,
-    bootstrap: usize,
+    options: Asked,
 ) -> PyResult<Told> {
-    let options = Options {
-        choices: choices(model, constraint, g, range_mm, confirm, bootstrap)?,
-        resume,
-        force,
-    };
+    let options = options.options()?;
     let listed = Listed { name, manifest };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(refused)?;
