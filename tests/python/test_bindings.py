@@ -149,6 +149,28 @@ def test_fit_many_is_fit_of_each_on_any_number_of_threads(discrepancy):
         assert many.u_sigma_s_prime_per_mm[k] == one.sigma_s_prime_per_mm.u
 
 
+def astray(array):
+    """The same numbers, each between two that the processor would read at once."""
+    array = np.asarray(array)
+    found = np.frombuffer(b"0" + array.tobytes(), array.dtype, offset=1).reshape(array.shape)
+    assert not found.flags.aligned
+    return found
+
+
+def test_numbers_may_lie_anywhere():
+    # As Dask's messages and memory maps have them.
+    rows, u = profile(0)[0][None], profile(0)[1]
+    options = {"eta": 1.5, "constraint": "none", "discrepancy": False}
+    lying = beamspot.fit_many(astray(RADII), astray(rows), astray(u), **options)
+    assert lying.sigma_a_per_mm == beamspot.fit_many(RADII, rows, u, **options).sigma_a_per_mm
+    sensor = {"gain_e_per_dn": 2.0, "read_noise_e": 4.0, "black_level_dn": 1.0, "white_level_dn": 60000.0}
+    for dtype in (np.uint16, np.float32):
+        frame = np.arange(64, dtype=dtype).reshape(8, 8)
+        merged = beamspot.merge([frame], [1.0], **sensor)
+        for given in (astray(frame), frame.astype(frame.dtype.newbyteorder())):
+            assert np.array_equal(beamspot.merge([given], [1.0], **sensor).value, merged.value)
+
+
 def test_a_profile_that_cannot_be_fitted_stops_no_other():
     rows = np.array([profile(seed)[0] for seed in range(3)])
     rows[1, 7] = np.nan
@@ -295,6 +317,10 @@ def test_merge_and_profile_show_the_glow():
     assert np.median(np.abs(off)) < 0.01
     with refused("exposure_s", "3", "got 2"):
         beamspot.merge(frames, exposures[:2], **sensor)
+    with refused(r"frames\[0\]: 1 numbers are masked"):
+        spoiled = np.ma.masked_array(frames[0], mask=False)
+        spoiled[0, 0] = np.ma.masked
+        beamspot.merge([spoiled], [1.0], **sensor)
     with refused(r"frames\[0\]", "int64"):
         beamspot.merge([frames[0].astype(np.int64)], [1.0], **sensor)
 

@@ -28,16 +28,8 @@ fn plain<'py>(
     given: &Bound<'py, PyAny>,
     dimensions: usize,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let numpy = given.py().import("numpy")?;
-    if let Some(mask) = given.getattr_opt("mask")? {
-        let masked: usize = numpy.call_method1("count_nonzero", (mask,))?.extract()?;
-        if masked > 0 {
-            return Err(refused(format!(
-                "{name}: {masked} numbers are masked, which would be lost: leave them out"
-            )));
-        }
-    }
-    let array = numpy.call_method1("asarray", (given,))?;
+    unmasked(name, given)?;
+    let array = laid(given, None)?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     // Objects may be numbers; what is not is refused on the way to one.
     if !["b", "i", "u", "f", "O"].contains(&kind.as_str()) {
@@ -55,4 +47,29 @@ fn plain<'py>(
         "{name}: expected an array of shape {expected}, got {}",
         array.getattr("shape")?.str()?
     )))
+}
+
+/// Refuses numbers that are masked: without the mask they would count.
+pub(crate) fn unmasked(name: &str, given: &Bound<'_, PyAny>) -> PyResult<()> {
+    let Some(mask) = given.getattr_opt("mask")? else {
+        return Ok(());
+    };
+    let numpy = given.py().import("numpy")?;
+    let masked: usize = numpy.call_method1("count_nonzero", (mask,))?.extract()?;
+    if masked == 0 {
+        return Ok(());
+    }
+    Err(refused(format!(
+        "{name}: {masked} numbers are masked, which would be lost: leave them out"
+    )))
+}
+
+/// As an array of `dtype`, copied only where it has to be: what came out of a message or the middle of a
+/// file may start between two numbers, where it cannot be read in place.
+pub(crate) fn laid<'py>(
+    given: &Bound<'py, PyAny>,
+    dtype: Option<&str>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = given.py().import("numpy")?;
+    numpy.call_method1("require", (given, dtype, ["ALIGNED", "ENSUREARRAY"]))
 }

@@ -1,6 +1,6 @@
 //! `merge` and `radial_profile`.
 
-use crate::arrays::table;
+use crate::arrays::{laid, table, unmasked};
 use crate::refused;
 use ::profile::{Measured, ProfileOptions, View};
 use hdr::{DarkFrame, Merge};
@@ -11,7 +11,6 @@ use numpy::{
 use physics::frame::Samples;
 use physics::{ChannelMap, Frame, ProfilePoint, Sensor};
 use pyo3::prelude::*;
-use pyo3::types::IntoPyDict;
 
 /// A merged picture.
 #[pyclass(frozen, module = "beamspot")]
@@ -79,14 +78,10 @@ fn frame(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Frame> {
         }
     };
     let kind: String = untyped.dtype().getattr("name")?.extract()?;
-    // An array that is of the type already is not copied for it.
-    let as_type = |to: &str| {
-        let keep = [("copy", false)].into_py_dict(array.py())?;
-        array.call_method("astype", (to,), Some(&keep))
-    };
+    unmasked(name, array)?;
     let samples = match kind.as_str() {
         "uint8" | "uint16" => {
-            let counts = as_type("uint16")?.cast_into::<PyArrayDyn<u16>>()?;
+            let counts = laid(array, Some("uint16"))?.cast_into::<PyArrayDyn<u16>>()?;
             Samples::from(
                 counts
                     .readonly()
@@ -97,7 +92,7 @@ fn frame(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Frame> {
             )
         }
         "float32" | "float64" | "float16" => {
-            let numbers = as_type("float32")?.cast_into::<PyArrayDyn<f32>>()?;
+            let numbers = laid(array, Some("float32"))?.cast_into::<PyArrayDyn<f32>>()?;
             Samples::F32(numbers.readonly().as_array().iter().copied().collect())
         }
         _ => {
