@@ -447,32 +447,57 @@ except KeyboardInterrupt as error:
     assert "captures are measured" in said and "--resume" in said, said
 
 
+def stub(name):
+    """The functions of a stub file, the last of those that bear one name, and its classes."""
+    body = ast.parse((Path(beamspot.__file__).parent / name).read_text()).body
+    of = lambda kind: {n.name: n for n in body if isinstance(n, kind)}
+    return of(ast.FunctionDef), of(ast.ClassDef)
+
+
+def said(stub):
+    """The parameters of a stub: whether each goes by its name alone, and its default."""
+    arguments = stub.args
+    defaults = [inspect.Parameter.empty] * (len(arguments.args) - len(arguments.defaults))
+    defaults += [ast.literal_eval(d) for d in arguments.defaults]
+    found = [(a.arg, False, d) for a, d in zip(arguments.args, defaults)]
+    for a, d in zip(arguments.kwonlyargs, arguments.kw_defaults):
+        found.append((a.arg, True, inspect.Parameter.empty if d is None else ast.literal_eval(d)))
+    return found
+
+
+def taken(function):
+    """The parameters of a function, in the form of `said`."""
+    parameters = inspect.signature(function).parameters.values()
+    assert all(p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY, p.VAR_KEYWORD) for p in parameters)
+    return [(p.name, p.kind == p.KEYWORD_ONLY, p.default) for p in parameters if p.kind != p.VAR_KEYWORD]
+
+
 def test_the_stubs_say_what_the_module_has():
-    stubs = ast.parse((Path(beamspot.__file__).parent / "__init__.pyi").read_text())
-    functions = {n.name: n for n in stubs.body if isinstance(n, ast.FunctionDef)}
-    classes = {n.name: n for n in stubs.body if isinstance(n, ast.ClassDef)}
+    functions, classes = stub("__init__.pyi")
     assert {*functions, *classes, "__version__"} == set(beamspot.__all__)
-    for name, stub in functions.items():
-        real = inspect.signature(getattr(beamspot, name))
-        arguments = stub.args
-        positional = [a.arg for a in arguments.args]
-        keywords = [a.arg for a in arguments.kwonlyargs]
-        kinds = {p.name: p.kind for p in real.parameters.values()}
-        assert list(kinds) == positional + keywords, name
-        assert all(kinds[k] == inspect.Parameter.KEYWORD_ONLY for k in keywords), name
-        defaults = dict(zip(reversed(positional), reversed(arguments.defaults)))
-        defaults |= {k: d for k, d in zip(keywords, arguments.kw_defaults) if d is not None}
-        for parameter in real.parameters.values():
-            if parameter.default is inspect.Parameter.empty:
-                assert parameter.name not in defaults, (name, parameter.name)
-            else:
-                assert ast.literal_eval(defaults[parameter.name]) == parameter.default, parameter
+    for name, function in functions.items():
+        assert said(function) == taken(getattr(beamspot, name)), name
         assert getattr(beamspot, name).__doc__, name
-    for name, stub in classes.items():
-        members = {n.target.id for n in stub.body if isinstance(n, ast.AnnAssign)}
-        members |= {n.name for n in stub.body if isinstance(n, ast.FunctionDef)}
+    for name, members in classes.items():
+        names = {n.target.id for n in members.body if isinstance(n, ast.AnnAssign)}
+        names |= {n.name for n in members.body if isinstance(n, ast.FunctionDef)}
         real = {m for m in vars(getattr(beamspot, name)) if not m.startswith("_")}
-        assert {m for m in members if not m.startswith("_")} == real, name
+        assert {m for m in names if not m.startswith("_")} == real, name
+
+
+def test_the_stubs_say_what_goes_to_other_machines():
+    """There, what a function hands on to the one of its name here is spelled out."""
+    distributed = pytest.importorskip("beamspot.distributed", exc_type=ImportError)
+    functions, _ = stub("distributed.pyi")
+    assert set(functions) == set(distributed.__all__)
+    for name, function in functions.items():
+        here, there = getattr(beamspot, name), getattr(distributed, name)
+        own = taken(there)
+        parameters = inspect.signature(there).parameters.values()
+        handed = [p for p in taken(here) if p[0] not in [o[0] for o in own]]
+        hands_on = any(p.kind == p.VAR_KEYWORD for p in parameters)
+        assert said(function) == own + (handed if hands_on else []), name
+        assert there.__doc__, name
 
 
 def test_the_readmes_example_runs():
