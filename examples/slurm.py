@@ -26,4 +26,4 @@ if __name__ == "__main__":
         fits = beamspot.distributed.fit_many(
             cube.radius_mm, cube.reflectance_per_mm2, cube.u, eta=1.4, constraint="none", client=client
         )
-        fits.drop_vars("error").to_zarr("fits.zarr", mode="w")
+        fits.to_zarr("fits.zarr", mode="w")

@@ -22,6 +22,8 @@ _QUANTITIES = {
     "reduced_chi2": ("1", "chi-squared per degree of freedom"),
     "share_outside": ("1", "share of the light that leaves beyond the last radius"),
 }
+# Texts of any length that cost little where they are empty, and that Zarr takes chunk by chunk; NumPy 1 has none.
+_TEXT = np.dtypes.StringDType() if hasattr(np.dtypes, "StringDType") else np.dtype(object)
 _TERMINATIONS = {None: -1, "converged": 0, "at_bound": 1, "out_of_evaluations": 2}
 # Spellings of the units that coordinates and values must be in, where they say one.
 _MM = ("mm", "millimeter", "millimeters", "millimetre", "millimetres")
@@ -140,7 +142,7 @@ def _fit_labelled(radius_mm, cube, u=None, **options):
             output_core_dims=[[]] * len(names),
             join="exact",
             dask="parallelized" if chunked else "forbidden",
-            output_dtypes=[np.float64] * len(_QUANTITIES) + [np.int8, object],
+            output_dtypes=[np.float64] * len(_QUANTITIES) + [np.int8, _TEXT],
         )
     except ValueError as error:
         if type(error) is ValueError:
@@ -183,7 +185,7 @@ def _fit_block(radii, places, options, cube, *others):
     media = {name: columns.pop(name) for name in ("eta", "g") if name in columns}
     found = [np.full(len(rows), np.nan) for _ in _QUANTITIES]
     termination = np.full(len(rows), _TERMINATIONS[None], dtype=np.int8)
-    errors = np.full(len(rows), "", dtype=object)
+    errors = np.full(len(rows), "", dtype=_TEXT)
     for chosen, medium in _alike(media, len(rows)):
         some = _beamspot.fit_many(
             radii,
