@@ -708,9 +708,9 @@ pub(crate) enum TableCommand {
         #[command(flatten)]
         unit: SceneUnit,
     },
-    /// Joins tables; one material and channel with two sets of numbers is refused.
+    /// Joins tables; one material and channel with two sets of numbers is refused unless all are kept.
     #[command(
-        after_help = "Example:\n  beamspot table merge a/materials.csv b/materials.csv -o all.csv"
+        after_help = "Examples:\n  beamspot table merge a/materials.csv b/materials.csv -o all.csv\n  beamspot table merge --keep-all monday/materials.csv tuesday/materials.csv -o week.csv"
     )]
     Merge {
         /// csv or json files.
@@ -719,6 +719,9 @@ pub(crate) enum TableCommand {
         /// csv file to write.
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
+        /// Keep every row, with the name of its file in its source: for captures of one material.
+        #[arg(long)]
+        keep_all: bool,
     },
     /// Recomputes total reflectance and names the rows whose own column does not follow; Jensen's
     /// table without a file.

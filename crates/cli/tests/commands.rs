@@ -376,6 +376,19 @@ fn tables_are_shown_converted_joined_and_audited() {
         "{error}"
     );
     assert!(!path.join("conflict.csv").exists());
+    assert!(error.contains("--keep-all"), "{error}");
+    let kept = [&merge[..], &["--keep-all"]].concat();
+    assert!(stdout(path, &kept).contains("72 rows"));
+    let kept = fs::read_to_string(path.join("conflict.csv")).unwrap();
+    let apples: Vec<&str> = (kept.lines())
+        .filter(|line| line.starts_with("Apple,R,"))
+        .collect();
+    assert!(
+        apples.len() == 2
+            && apples[0].ends_with(", m.csv\"")
+            && apples[1].ends_with(", other.csv\""),
+        "{apples:?}"
+    );
 }
 
 /// An interrupt ends with 130 and leaves no file, hidden ones included.

@@ -41,20 +41,29 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
             };
             conversion.write(&rows, output, common, out)
         }
-        TableCommand::Merge { files, output } => {
+        TableCommand::Merge {
+            files,
+            output,
+            keep_all,
+        } => {
             let read = files
                 .iter()
                 .map(|f| read_table(f, None))
                 .collect::<Result<Vec<_>>>()?;
-            let merged = tables::merge(&read).map_err(|conflict| {
-                let name = |table: usize| files[table].display().to_string();
-                let place = format!(
-                    "{} and {}",
-                    name(conflict.first.table),
-                    name(conflict.second.table)
-                );
-                Error::new(Kind::Input, format!("{place}: {conflict}"))
-            })?;
+            let merged = if *keep_all {
+                all(read, files)
+            } else {
+                tables::merge(&read).map_err(|conflict| {
+                    let name = |table: usize| files[table].display().to_string();
+                    let place = format!(
+                        "{} and {}",
+                        name(conflict.first.table),
+                        name(conflict.second.table)
+                    );
+                    let message = format!("{place}: {conflict}, or keep both with --keep-all");
+                    Error::new(Kind::Input, message)
+                })?
+            };
             let conversion = Conversion {
                 to: TableFormat::Csv,
                 scene_unit_mm: None,
@@ -64,6 +73,18 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
         }
         TableCommand::Check { files, unit } => check(files, unit.scene_unit_mm, common, out),
     }
+}
+
+/// Every row, which says what file it is from.
+fn all(tables: Vec<Vec<Material>>, files: &[PathBuf]) -> Vec<Material> {
+    let mut rows = vec![];
+    for (table, file) in tables.into_iter().zip(files) {
+        rows.extend(table.into_iter().map(|mut row| {
+            row.source = format!("{}, {}", row.source, file.display());
+            row
+        }));
+    }
+    rows
 }
 
 #[derive(Serialize)]
