@@ -9,9 +9,12 @@ use report::{Outline, Picture, SHADES, palette, shade};
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
-/// Pixels that the pictures of a report may have together: what does not pack takes a byte of each,
-/// and a third more as text.
+/// Pixels that the pictures of a report may have together, and where they are many, so that the rest
+/// of each wants room as well: noise takes 6 bits of each, and a third more as text.
 const ALL_PIXELS: f64 = 500_000.0;
+const MANY_PIXELS: f64 = 320_000.0;
+/// Most pictures that are few.
+const FEW: usize = 4;
 /// Longer side of one at most.
 const LONGEST: f64 = 400.0;
 /// Share of the pixels that may be darker than the darkest shade.
@@ -59,7 +62,8 @@ pub(crate) fn picture(seen: &Seen, count: usize) -> Result<Picture> {
         );
         Cow::Owned(found.fault("sectors")?.0)
     };
-    let side = (ALL_PIXELS / count.max(1) as f64).sqrt().min(LONGEST);
+    let all = if count > FEW { MANY_PIXELS } else { ALL_PIXELS };
+    let side = (all / count.max(1) as f64).sqrt().min(LONGEST);
     let step = (width.max(height) as f64 / side).ceil().max(1.0) as usize;
     let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
     let blocks: Vec<Block> = (0..columns * rows)

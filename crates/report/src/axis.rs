@@ -96,6 +96,17 @@ impl Axis {
             .map_or(self.start_px, |px| px.clamp(low, high))
     }
 
+    /// What the script of the page makes new ticks of: the kind of the axis and its ends, of a
+    /// logarithmic one their powers of ten.
+    pub(crate) fn data(&self) -> String {
+        let (kind, ends) = match self.kind {
+            Kind::Logarithmic => ("log", [self.low.log10(), self.high.log10()]),
+            Kind::Linear => ("linear", [self.low, self.high]),
+        };
+        let [low, high] = ends.map(|v| if v.is_finite() { v } else { 0.0 });
+        format!("{kind} {low} {high}")
+    }
+
     /// The ticks, by increasing value.
     pub(crate) fn ticks(&self) -> Vec<Tick> {
         match self.kind {

@@ -22,6 +22,8 @@ const RIGHT: f64 = 704.0;
 const PROFILE: (f64, f64) = (76.0, 396.0);
 /// Top and bottom of the panel of the residuals.
 const RESIDUALS: (f64, f64) = (410.0, 544.0);
+/// A curve may be this far from the corners of its line: nothing that an eye sees.
+const FLAT: f64 = 0.04;
 
 /// The arrow that stands for a value too low to show, from its tail down; and its length.
 const ARROW_PATH: &str = "v9m-2.2 -3.2l2.2 3.2l2.2 -3.2";
@@ -40,12 +42,18 @@ const LEAST_RESIDUAL_SPAN: f64 = 3.5;
 ///
 /// The file is complete in itself, and follows the reader's choice of light or dark.
 pub fn figure_svg(material: &str, channel: &ChannelReport) -> String {
-    let drawing = drawing(material, channel, STYLE);
+    let drawing = drawing(material, channel, STYLE, true);
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{drawing}")
 }
 
 /// The same for a page that brings the style itself: `style` is what the element starts with.
-pub(crate) fn drawing(material: &str, channel: &ChannelReport, style: &str) -> String {
+/// `spoken`: whether a point says its numbers to the pointer.
+pub(crate) fn drawing(
+    material: &str,
+    channel: &ChannelReport,
+    style: &str,
+    spoken: bool,
+) -> String {
     let heading = format!("{material} · {}", channel.name());
     let mut out = String::new();
     // Without xml:space some viewers drop the spaces beside raised and lowered letters.
@@ -70,13 +78,16 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, style: &str) -> S
         escaped(&heading)
     );
 
-    let plot = Plot::new(channel);
+    let plot = Plot::new(channel, spoken);
     plot.ground(&mut out, PROFILE, &plot.reflectance, false);
-    plot.profile(&mut out);
+    scaled(&mut out, PROFILE, |out| {
+        plot.points(out);
+        plot.model(out);
+    });
     plot.legend(&mut out);
     plot.annotation(&mut out);
     plot.ground(&mut out, RESIDUALS, &plot.residual, true);
-    plot.residuals(&mut out);
+    scaled(&mut out, RESIDUALS, |out| plot.residuals(out));
     for (label, (top, bottom)) in [
         ("diffuse reflectance Rᵈ (mm⁻²)", PROFILE),
         ("residual / u", RESIDUALS),
@@ -105,6 +116,8 @@ struct Plot<'a> {
     residual: Axis,
     /// Radius of a marker.
     marker: f64,
+    /// Whether a marker says its numbers to the pointer.
+    spoken: bool,
 }
 
 /// How a point of the profile is drawn.
@@ -117,7 +130,7 @@ enum Mark {
 }
 
 impl<'a> Plot<'a> {
-    fn new(channel: &'a ChannelReport<'a>) -> Self {
+    fn new(channel: &'a ChannelReport<'a>, spoken: bool) -> Self {
         let points = &channel.profile.points;
         let radius = Axis::logarithmic(points.iter().map(|p| p.radius_mm), (LEFT, RIGHT));
         // What does not stand out of its noise must not stretch the axis by decades. Neither must
@@ -143,6 +156,7 @@ impl<'a> Plot<'a> {
             reflectance,
             residual,
             marker,
+            spoken,
         }
     }
 
@@ -162,12 +176,14 @@ impl<'a> Plot<'a> {
         radius_labels: bool,
     ) {
         let (start, end) = self.range();
-        let _ = writeln!(
-            out,
-            "<rect class=\"range\" x=\"{start:.2}\" y=\"{top}\" width=\"{:.2}\" height=\"{}\"/>",
-            end - start,
-            bottom - top
-        );
+        scaled(out, (top, bottom), |out| {
+            let _ = writeln!(
+                out,
+                "<rect class=\"range\" x=\"{start:.2}\" y=\"{top}\" width=\"{:.2}\" height=\"{}\"/>",
+                end - start,
+                bottom - top
+            );
+        });
         let (mut grid, mut ticks, mut labels) = (String::new(), String::new(), String::new());
         for tick in self.radius.ticks() {
             let x = tick.at_px;
@@ -200,10 +216,20 @@ impl<'a> Plot<'a> {
                 );
             }
         }
+        let below = if radius_labels {
+            " data-below=\"\""
+        } else {
+            ""
+        };
         let _ = write!(
             out,
-            "<path class=\"grid\" d=\"{grid}\"/>\n<path class=\"frame\" d=\"{ticks}M{LEFT} \
-             {top}H{RIGHT}V{bottom}H{LEFT}Z\"/>\n{labels}"
+            "<g class=\"axes\" data-panel=\"{LEFT} {top} {} {}\" data-x=\"{}\" \
+             data-y=\"{}\"{below}>\n<path class=\"grid\" d=\"{grid}\"/>\n<path class=\"frame\" \
+             d=\"{ticks}M{LEFT} {top}H{RIGHT}V{bottom}H{LEFT}Z\"/>\n{labels}</g>\n",
+            RIGHT - LEFT,
+            bottom - top,
+            self.radius.data(),
+            axis.data()
         );
     }
 
@@ -239,11 +265,6 @@ impl<'a> Plot<'a> {
         })
     }
 
-    fn profile(&self, out: &mut String) {
-        self.points(out);
-        self.model(out);
-    }
-
     fn points(&self, out: &mut String) {
         let color = self.channel.color_class();
         let (mut bars, mut arrows) = (String::new(), String::new());
@@ -258,10 +279,10 @@ impl<'a> Plot<'a> {
                     .place_inside(value + 2.0 * u)
                     .min(floor - ARROW - 1.0);
                 let half = self.marker + 0.5;
-                let _ = write!(
+                // Each a path of its own: enlarging moves them and leaves their size.
+                let _ = writeln!(
                     arrows,
-                    "M{:.2} {y:.2}h{:.2}M{x:.2} {y:.2}{ARROW_PATH}",
-                    x - half,
+                    "<path d=\"M{x:.2} {y:.2}m-{half:.2} 0h{:.2}m-{half:.2} 0{ARROW_PATH}\"/>",
                     2.0 * half
                 );
                 continue;
@@ -278,31 +299,23 @@ impl<'a> Plot<'a> {
             } else {
                 &mut left_out
             };
-            self.circle(marks, (x, y), point.radius_mm, &uncertain(value, u), "mm⁻²");
+            self.mark_at(marks, (x, y), point.radius_mm, &uncertain(value, u), "mm⁻²");
         }
         let _ = write!(
             out,
-            "<path class=\"{color} bar\" d=\"{bars}\"/>\n<path class=\"{color} bar\" \
-             d=\"{arrows}\"/>\n<g class=\"{color} out\">\n{left_out}</g>\n<g \
-             class=\"{color}\">\n{used}</g>\n"
+            "<path class=\"{color} bar\" d=\"{bars}\"/>\n<g class=\"{color} bar \
+             arrows\">\n{arrows}</g>\n{}{}",
+            self.marks(&left_out, true),
+            self.marks(&used, false)
         );
     }
 
     /// A line through the points that have a place on both axes.
     fn line(&self, points: &[CurvePoint]) -> String {
-        let mut path = String::new();
-        let mut pen = 'M';
-        for point in points {
+        line(points.iter().map(|point| {
             let x = self.radius.place(point.radius_mm);
-            match x.zip(self.reflectance.place(point.reflectance_per_mm2)) {
-                Some((x, y)) => {
-                    let _ = write!(path, "{pen}{x:.2} {y:.2}");
-                    pen = 'L';
-                }
-                None => pen = 'M',
-            }
-        }
-        path
+            x.zip(self.reflectance.place(point.reflectance_per_mm2))
+        }))
     }
 
     /// What the coefficients' u leaves open of the model.
@@ -331,7 +344,21 @@ impl<'a> Plot<'a> {
 
     /// The model, full inside the range and dashed outside, transport and the photons.
     fn model(&self, out: &mut String) {
-        let path = self.line(&self.channel.model_curve);
+        let curve = &self.channel.model_curve;
+        // What lies between two places, and the corners that lead there.
+        let part = |low: f64, high: f64| {
+            let inside = |p: &CurvePoint| {
+                let x = self.radius.place(p.radius_mm);
+                x.is_some_and(|x| (low..=high).contains(&x))
+            };
+            let ends = curve
+                .iter()
+                .position(inside)
+                .zip(curve.iter().rposition(inside));
+            ends.map_or(String::new(), |(first, last)| {
+                self.line(&curve[first.saturating_sub(1)..(last + 2).min(curve.len())])
+            })
+        };
         let band = self.band();
         let transport = self.line(&self.channel.transport);
         let (start, end) = self.range();
@@ -339,9 +366,9 @@ impl<'a> Plot<'a> {
         let photons = self.line(&self.channel.monte_carlo);
         for (from, to, class, path) in [
             (LEFT, RIGHT, "band", &band),
-            (LEFT, start, "model beyond", &path),
-            (start, end, "model", &path),
-            (end, RIGHT, "model beyond", &path),
+            (LEFT, start, "model beyond", &part(LEFT, start)),
+            (start, end, "model", &part(start, end)),
+            (end, RIGHT, "model beyond", &part(end, RIGHT)),
             (LEFT, RIGHT, "photons", &photons),
             (LEFT, RIGHT, "transport", &transport),
         ] {
@@ -464,13 +491,13 @@ impl<'a> Plot<'a> {
                 );
             }
         }
-        let _ = writeln!(out, "{levels}<g class=\"{}\">", self.channel.color_class());
+        let mut marks = String::new();
         for (radius, z) in residuals(self.channel.fit) {
             if let Some((x, y)) = self.radius.place(radius).zip(self.residual.place(z)) {
-                self.circle(out, (x, y), radius, &format!("{z:+.2}"), "u");
+                self.mark_at(&mut marks, (x, y), radius, &format!("{z:+.2}"), "u");
             }
         }
-        out.push_str("</g>\n");
+        let _ = write!(out, "{levels}{}", self.marks(&marks, false));
         let path = self.transport_residuals();
         cut(out, (LEFT, RIGHT), RESIDUALS, "transport", &path);
     }
@@ -482,25 +509,20 @@ impl<'a> Plot<'a> {
         let ratios: Vec<(f64, f64)> = ratios
             .map(|(t, m)| (m.radius_mm, t.reflectance_per_mm2 / m.reflectance_per_mm2))
             .collect();
-        let mut path = String::new();
-        let mut pen = 'M';
-        for r in &self.channel.fit.residuals {
+        line(self.channel.fit.residuals.iter().map(|r| {
             let found = ratios.iter().find(|(radius, _)| *radius == r.radius_mm);
             let z = found.map(|(_, ratio)| (ratio - 1.0) * r.model_per_mm2 / r.u_per_mm2);
             let x = self.radius.place(r.radius_mm);
-            match x.zip(z.and_then(|z| self.residual.place(z))) {
-                Some((x, y)) => {
-                    let _ = write!(path, "{pen}{x:.2} {y:.2}");
-                    pen = 'L';
-                }
-                None => pen = 'M',
-            }
-        }
-        path
+            x.zip(z.and_then(|z| self.residual.place(z)))
+        }))
     }
 
     /// A marker, and what it stands for, which a browser shows where the pointer rests.
-    fn circle(&self, out: &mut String, (x, y): (f64, f64), radius: f64, number: &str, unit: &str) {
+    fn mark_at(&self, out: &mut String, (x, y): (f64, f64), radius: f64, number: &str, unit: &str) {
+        if !self.spoken {
+            let _ = write!(out, "M{x:.2} {y:.2}h0");
+            return;
+        }
         let _ = writeln!(
             out,
             "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{:.2}\"><title>r = {} mm: {} \
@@ -510,6 +532,84 @@ impl<'a> Plot<'a> {
             escaped(number)
         );
     }
+
+    /// Markers in the colour of the channel, hollow where they are of what was left out. Silent ones
+    /// are the round ends of lines without length.
+    fn marks(&self, marks: &str, hollow: bool) -> String {
+        let color = self.channel.color_class();
+        let out = if hollow { " out" } else { "" };
+        if self.spoken {
+            return format!("<g class=\"{color}{out}\">\n{marks}</g>\n");
+        }
+        let dots = |class: &str, width: f64| {
+            format!("<path class=\"{class} marks\" stroke-width=\"{width:.2}\" d=\"{marks}\"/>\n")
+        };
+        let mut found = dots(color, 2.0 * self.marker + 1.0);
+        if hollow && !marks.is_empty() {
+            found += &dots("hole", 2.0 * self.marker - 1.0);
+        }
+        found
+    }
+}
+
+/// A line through the places that are there, without the corners that lie on it.
+fn line(places: impl Iterator<Item = Option<(f64, f64)>>) -> String {
+    let places: Vec<Option<(f64, f64)>> = places.collect();
+    let mut path = String::new();
+    for run in places.split(Option::is_none) {
+        let run: Vec<(f64, f64)> = run.iter().copied().flatten().collect();
+        for (k, (x, y)) in flat(&run).into_iter().enumerate() {
+            let pen = if k == 0 { 'M' } else { 'L' };
+            let _ = write!(path, "{pen}{x:.2} {y:.2}");
+        }
+    }
+    path
+}
+
+/// The corners of a line that every other one is nearer to than [`FLAT`] (Ramer 1972; Douglas and
+/// Peucker 1973), across the line between its neighbours.
+fn flat(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let Some((&first, &last)) = corners.first().zip(corners.last()) else {
+        return vec![];
+    };
+    if corners.len() < 3 {
+        return corners.to_vec();
+    }
+    let (dx, dy) = (last.0 - first.0, last.1 - first.1);
+    let length = dx.hypot(dy);
+    let away = |(x, y): (f64, f64)| {
+        let (x, y) = (x - first.0, y - first.1);
+        if length > 0.0 {
+            (x * dy - y * dx).abs() / length
+        } else {
+            x.hypot(y)
+        }
+    };
+    let inner = 1..corners.len() - 1;
+    let farthest = inner.max_by(|&a, &b| away(corners[a]).total_cmp(&away(corners[b])));
+    match farthest {
+        Some(k) if away(corners[k]) > FLAT => {
+            let mut kept = flat(&corners[..=k]);
+            kept.pop();
+            kept.extend(flat(&corners[k..]));
+            kept
+        }
+        _ => vec![first, last],
+    }
+}
+
+/// What follows the axes of a panel where the script of the page enlarges a part of it. An inner svg
+/// cuts at its edges, and needs no name that another figure on the page might bear as well.
+fn scaled(out: &mut String, (top, bottom): (f64, f64), content: impl FnOnce(&mut String)) {
+    let (width, height) = (RIGHT - LEFT, bottom - top);
+    let _ = writeln!(
+        out,
+        "<svg class=\"scaled\" x=\"{LEFT}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"{LEFT} {top} {width} {height}\" preserveAspectRatio=\"none\" \
+         overflow=\"hidden\">"
+    );
+    content(out);
+    out.push_str("</svg>\n");
 }
 
 /// A path cut at the edges of a part of a panel: from left to right, from top to bottom.
@@ -523,8 +623,6 @@ fn cut(
     if to - from < 0.01 || path.is_empty() {
         return;
     }
-    // An inner svg cuts at its edges, and needs no name that another figure on the page might bear
-    // as well.
     let (width, height) = (to - from, bottom - top);
     let _ = writeln!(
         out,
@@ -553,5 +651,37 @@ pub(crate) fn shown_chi2(reduced_chi2: f64) -> String {
         fixed(reduced_chi2, 2)
     } else {
         significant(reduced_chi2, 3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every corner that is left out is nearer to the line than the promise, and a bend stays.
+    #[test]
+    fn a_line_loses_only_what_lies_on_it() {
+        let bend = |k: u32| {
+            let x = 0.5 * f64::from(k);
+            (x, 3e-3 * x * x + if k == 700 { 5.0 } else { 0.0 })
+        };
+        let corners: Vec<(f64, f64)> = (0..1000).map(bend).collect();
+        let kept = flat(&corners);
+        assert!(kept.contains(&corners[700]));
+        assert!((10..200).contains(&kept.len()), "{}", kept.len());
+        for (x, y) in corners {
+            let after = kept.iter().position(|c| c.0 >= x).unwrap();
+            let ((x1, y1), (x0, y0)) = (kept[after], kept[after.saturating_sub(1)]);
+            let line = if x1 > x0 {
+                y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+            } else {
+                y1
+            };
+            assert!((line - y).abs() < 12.0 * FLAT, "{x}");
+        }
+        assert_eq!(flat(&[(1.0, 1.0); 9]), [(1.0, 1.0); 2]);
+        assert_eq!(flat(&[]), []);
+        let gap = [Some((0.0, 0.0)), None, Some((1.0, 1.0)), Some((2.0, 2.0))];
+        assert_eq!(line(gap.into_iter()), "M0.00 0.00M1.00 1.00L2.00 2.00");
     }
 }

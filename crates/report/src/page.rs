@@ -14,7 +14,11 @@ const PAGE_STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("zoom.js");
 /// SHA-256 of [`SCRIPT`]: the policy of the page lets this script run and no other. A test in Python
 /// computes it anew.
-const SCRIPT_SHA256: &str = "Zwb9n6G818Y0qQipviguqgtCQSzlPDZRAj1YJe7XVEU=";
+const SCRIPT_SHA256: &str = "76VZdfb9pYEwaBz4C0wRjm6gLHVQ76zwDnYbBwFdOzY=";
+
+/// Of more channels than this each has its figures folded away under a line with its numbers, and its
+/// points without words for the pointer, which would be half of the page.
+const MANY: usize = 8;
 
 /// A measurement of one material, as the page shows it.
 ///
@@ -125,8 +129,16 @@ pub fn report_html(report: &Report) -> String {
     list(&mut out, "Verdict", &report.verdict);
     out.push_str("<h2>Profiles, fits and residuals</h2>\n");
     explanation(&mut out, report);
+    let many = many(report);
     for channel in &report.channels {
-        figure(&mut out, &drawing(report.material, channel, ""));
+        let name = escaped(&channel.name());
+        let about = format!(
+            "{name}: σₛ′ {} mm⁻¹, σₐ {} mm⁻¹",
+            channel.sigma_s_prime(),
+            channel.sigma_a()
+        );
+        let drawing = drawing(report.material, channel, "", !many);
+        folded(&mut out, many, &html(&about), |out| figure(out, &drawing));
     }
     models_side_by_side(&mut out, report);
     pictures(&mut out, report);
@@ -138,6 +150,21 @@ pub fn report_html(report: &Report) -> String {
     provenance(&mut out, report);
     let _ = write!(out, "<script>{SCRIPT}</script>\n</body>\n</html>\n");
     out
+}
+
+/// Whether there are more channels than a reader scrolls through.
+fn many(report: &Report) -> bool {
+    report.channels.len() > MANY
+}
+
+/// What a reader opens by its summary, HTML already, where there is much of its kind.
+fn folded(out: &mut String, much: bool, summary: &str, content: impl FnOnce(&mut String)) {
+    if !much {
+        return content(out);
+    }
+    let _ = writeln!(out, "<details><summary>{summary}</summary>");
+    content(out);
+    out.push_str("</details>\n");
 }
 
 /// A figure that can be enlarged.
@@ -206,7 +233,10 @@ fn pictures(out: &mut String, report: &Report) {
          what the profile took of it.</p>\n",
     );
     for picture in &report.pictures {
-        figure(out, &picture::drawing(report.material, picture, ""));
+        let drawing = picture::drawing(report.material, picture, "");
+        folded(out, many(report), &escaped(&picture.channel), |out| {
+            figure(out, &drawing);
+        });
     }
 }
 
@@ -502,7 +532,8 @@ fn models_side_by_side(out: &mut String, report: &Report) {
             ],
             &rows,
         );
-        figure(out, &comparison::drawing(report.material, channel, models));
+        let drawing = comparison::drawing(report.material, channel, models, !many(report));
+        figure(out, &drawing);
         let said = models.iter().flat_map(|model| {
             let warnings = model.fit.warnings.iter();
             warnings.map(|w| format!("{}: {w}", model.name))
@@ -602,20 +633,18 @@ fn budgets(out: &mut String, report: &Report) {
              share of u², the correlation of the two, and degrees of freedom.",
             c.name()
         );
-        table(
-            out,
-            &about,
-            &[
-                "input",
-                "u(σₛ′)",
-                "of u²",
-                "u(σₐ)",
-                "of u²",
-                "correlation",
-                "ν",
-            ],
-            &rows,
-        );
+        let header = [
+            "input",
+            "u(σₛ′)",
+            "of u²",
+            "u(σₐ)",
+            "of u²",
+            "correlation",
+            "ν",
+        ];
+        folded(out, many(report), &escaped(&c.name()), |out| {
+            table(out, &about, &header, &rows);
+        });
     }
 }
 

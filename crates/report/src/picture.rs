@@ -127,8 +127,9 @@ pub(crate) fn drawing(material: &str, picture: &Picture, style: &str) -> String 
     let _ = write!(
         out,
         "<rect class=\"back\" width=\"{WIDTH}\" height=\"{height:.1}\"/>\n<text class=\"heading\" \
-         x=\"{LEFT}\" y=\"24\">{}</text>\n<svg x=\"{LEFT}\" y=\"{TOP}\" width=\"{wide:.2}\" \
-         height=\"{high:.2}\" viewBox=\"0 0 {wide:.2} {high:.2}\" overflow=\"hidden\">\n<image \
+         x=\"{LEFT}\" y=\"24\">{}</text>\n<svg class=\"scaled\" x=\"{LEFT}\" y=\"{TOP}\" \
+         width=\"{wide:.2}\" height=\"{high:.2}\" viewBox=\"0 0 {wide:.2} {high:.2}\" \
+         preserveAspectRatio=\"none\" overflow=\"hidden\">\n<image \
          class=\"pixels\" width=\"{wide:.2}\" height=\"{high:.2}\" preserveAspectRatio=\"none\" \
          href=\"{}\"/>\n",
         escaped(&heading),
@@ -159,8 +160,8 @@ pub(crate) fn drawing(material: &str, picture: &Picture, style: &str) -> String 
     if x.is_finite() && y.is_finite() {
         let _ = writeln!(out, "{}", cross([x, y]));
     }
-    scale_bar(&mut out, picture, per_px, high);
     out.push_str("</svg>\n");
+    scale_bar(&mut out, picture, per_px, (wide, high));
     let (bar_left, bar_high) = (
         LEFT + wide + GAP,
         high.max(least) - LINE * legend.len() as f64 - 24.0,
@@ -210,20 +211,22 @@ fn legend(picture: &Picture) -> Vec<(String, String)> {
 }
 
 /// A length that is easy to read, in the lower left corner.
-fn scale_bar(out: &mut String, picture: &Picture, per_px: f64, high: f64) {
-    let most = SCALE_BAR * SIDE / (picture.px_per_mm * per_px);
+fn scale_bar(out: &mut String, picture: &Picture, per_px: f64, (wide, high): (f64, f64)) {
+    let per_mm = picture.px_per_mm * per_px;
+    let most = SCALE_BAR * SIDE / per_mm;
     if !(most.is_normal() && (1e-6..1e6).contains(&most)) {
         return;
     }
     let decade = 10f64.powf(most.log10().floor());
     let steps = [5.0, 2.0, 1.0].map(|digit| digit * decade);
     let length = steps.into_iter().find(|l| *l <= most).unwrap_or(decade);
-    let wide = length * picture.px_per_mm * per_px;
     let y = high - 12.0;
     let _ = writeln!(
         out,
-        "{}<text class=\"over\" x=\"12\" y=\"{:.2}\">{} mm</text>",
-        line(&format!("M12 {y:.2}h{wide:.2}"), false),
+        "<g class=\"axes\" transform=\"translate({LEFT} {TOP})\" data-panel=\"{LEFT} {TOP} \
+         {wide:.2} {high:.2}\" data-mm=\"{per_mm}\">{}<text class=\"over\" x=\"12\" \
+         y=\"{:.2}\">{} mm</text></g>",
+        line(&format!("M12 {y:.2}h{:.2}", length * per_mm), false),
         y - 7.0,
         significant(length, 1)
     );
@@ -231,19 +234,18 @@ fn scale_bar(out: &mut String, picture: &Picture, per_px: f64, high: f64) {
 
 fn colour_bar(out: &mut String, picture: &Picture, left: f64, high: f64) {
     let step = high / SHADES as f64;
+    // A little taller than a step, so that no gap shows between two.
+    let _ = writeln!(out, "<g stroke-width=\"{:.2}\">", step + 1.0);
     for (k, [r, g, b]) in palette().iter().take(SHADES).enumerate() {
-        let y = TOP + high - step * (k + 1) as f64;
-        // A little taller than a step, so that no gap shows between two.
+        let y = TOP + high - step * (k as f64 + 0.5);
         let _ = writeln!(
             out,
-            "<rect x=\"{left:.2}\" y=\"{y:.2}\" width=\"{BAR}\" height=\"{:.2}\" \
-             fill=\"#{r:02x}{g:02x}{b:02x}\"/>",
-            step + if k == 0 { 0.0 } else { 0.5 }
+            "<path stroke=\"#{r:02x}{g:02x}{b:02x}\" d=\"M{left:.1} {y:.1}h{BAR}\"/>"
         );
     }
     let _ = writeln!(
         out,
-        "<rect class=\"frame\" x=\"{left:.2}\" y=\"{TOP}\" width=\"{BAR}\" height=\"{high:.2}\"/>"
+        "</g><rect class=\"frame\" x=\"{left:.2}\" y=\"{TOP}\" width=\"{BAR}\" height=\"{high:.2}\"/>"
     );
     let (low, top) = picture.range_per_mm2;
     let decades = (top / low).log10();

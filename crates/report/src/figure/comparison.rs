@@ -1,6 +1,6 @@
 //! The figure of several models beside one profile.
 
-use super::{HEIGHT, LEFT, PROFILE, Plot, RESIDUALS, RIGHT, WIDTH, cut};
+use super::{HEIGHT, LEFT, PROFILE, Plot, RESIDUALS, RIGHT, WIDTH, line, scaled};
 use crate::axis::Axis;
 use crate::channel::{ChannelReport, CurvePoint, ModelReport};
 use crate::markup::{escaped, svg};
@@ -17,7 +17,12 @@ const NOISY: f64 = 0.1;
 /// The profile of `channel` with the curves of `models` above, measured/model − 1 below.
 ///
 /// Colours follow the order of the models; what a curve is called stands under the axis.
-pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelReport]) -> String {
+pub(crate) fn drawing(
+    material: &str,
+    channel: &ChannelReport,
+    models: &[ModelReport],
+    spoken: bool,
+) -> String {
     let heading = format!("{material} · {}: models side by side", channel.name());
     let height = HEIGHT + LINE * models.len().div_ceil(COLUMNS) as f64;
     let mut out = String::new();
@@ -29,7 +34,7 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelRe
          height=\"{height}\"/>\n<text class=\"heading\" x=\"{LEFT}\" y=\"24\">{0}</text>\n",
         escaped(&heading)
     );
-    let mut plot = Plot::new(channel);
+    let mut plot = Plot::new(channel, spoken);
     let deviations: Vec<Vec<(f64, f64)>> = models
         .iter()
         .map(|model| deviations(channel, &model.curve))
@@ -44,41 +49,33 @@ pub(crate) fn drawing(material: &str, channel: &ChannelReport, models: &[ModelRe
     plot.residual = Axis::symmetric((1.1 * largest).min(SPAN.1), (RESIDUALS.1, RESIDUALS.0));
 
     plot.ground(&mut out, PROFILE, &plot.reflectance, false);
-    plot.points(&mut out);
-    for (i, model) in models.iter().enumerate() {
-        let path = plot.line(&model.curve);
-        cut(
-            &mut out,
-            (LEFT, RIGHT),
-            PROFILE,
-            &format!("curve m{i}"),
-            &path,
-        );
-    }
-    plot.ground(&mut out, RESIDUALS, &plot.residual, true);
-    let zero = plot.residual.place_inside(0.0);
-    let _ = writeln!(
-        out,
-        "<path class=\"level\" d=\"M{LEFT} {zero:.2}H{RIGHT}\"/>"
-    );
-    for (i, deviation) in deviations.iter().enumerate() {
-        let mut path = String::new();
-        let mut pen = 'M';
-        for &(radius, percent) in deviation {
-            let place = plot.radius.place(radius).zip(plot.residual.place(percent));
-            if let Some((x, y)) = place {
-                let _ = write!(path, "{pen}{x:.2} {y:.2}");
-                pen = 'L';
-            }
+    let curve = |out: &mut String, i: usize, path: &str| {
+        let _ = writeln!(out, "<path class=\"curve m{i}\" d=\"{path}\"/>");
+    };
+    scaled(&mut out, PROFILE, |out| {
+        plot.points(out);
+        for (i, model) in models.iter().enumerate() {
+            curve(out, i, &plot.line(&model.curve));
         }
-        cut(
-            &mut out,
-            (LEFT, RIGHT),
-            RESIDUALS,
-            &format!("curve m{i}"),
-            &path,
+    });
+    plot.ground(&mut out, RESIDUALS, &plot.residual, true);
+    scaled(&mut out, RESIDUALS, |out| {
+        let zero = plot.residual.place_inside(0.0);
+        let _ = writeln!(
+            out,
+            "<path class=\"level\" d=\"M{LEFT} {zero:.2}H{RIGHT}\"/>"
         );
-    }
+        for (i, deviation) in deviations.iter().enumerate() {
+            let place = |&(radius, percent): &(f64, f64)| {
+                plot.radius.place(radius).zip(plot.residual.place(percent))
+            };
+            curve(
+                out,
+                i,
+                &line(deviation.iter().map(place).filter(Option::is_some)),
+            );
+        }
+    });
     for (label, (top, bottom)) in [
         ("diffuse reflectance Rᵈ (mm⁻²)", PROFILE),
         ("measured/model − 1 (%)", RESIDUALS),
