@@ -20,6 +20,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray
 
 import beamspot
 
@@ -56,32 +57,34 @@ for index in np.ndindex(sigma_a.shape):
         radius_mm, sigma_s_prime=sigma_s_prime[index], sigma_a=sigma_a[index], eta=eta
     )
 u = 0.01 * cube + 2e-7  # one percent of the light, and the camera's floor
-cube = cube + u * np.random.default_rng(5).standard_normal(cube.shape)
-print(f"{cube.shape[0]} positions × {cube.shape[1]} wavelengths × {cube.shape[2]} radii")
+cube = xarray.DataArray(
+    cube + u * np.random.default_rng(5).standard_normal(cube.shape),
+    coords={
+        "position_mm": position_mm,
+        "wavelength_nm": ("wavelength_nm", wavelength_nm, {"units": "nm"}),
+        "radius_mm": ("radius_mm", radius_mm, {"units": "mm"}),
+    },
+    attrs={"units": "mm-2"},
+)
+print(dict(cube.sizes))
 
 # %% [markdown]
 # ## One call
-# `fit_many` takes a table with a profile in each row. It works on all processors, and gives the same numbers on
-# any number of them. A profile that cannot be fitted does not stop the others; `errors` says which and why. The
-# dipole made this light, so `discrepancy=False` leaves its error against transport out.
+# `fit_many` takes the cube with its labels and gives a dataset over the other dimensions, with a unit beside every
+# quantity. It works on all processors, and gives the same numbers on any number of them. A profile that cannot be
+# fitted does not stop the others; `error` says why. The dipole made this light, so `discrepancy=False` leaves its error
+# against transport out.
+#
+# A cube larger than memory comes in chunks (`xarray.open_zarr("cube.zarr")`) and is fitted by the same line when the
+# answer is written; arrays without labels, one profile in a row, do as well.
 
 # %%
 start = time.perf_counter()
-many = beamspot.fit_many(
-    radius_mm, cube.reshape(-1, len(radius_mm)), u.reshape(-1, len(radius_mm)),
-    eta=eta, constraint="none", discrepancy=False,
-)
+found = beamspot.fit_many(cube.radius_mm, cube, u, eta=eta, constraint="none", discrepancy=False)
 elapsed = time.perf_counter() - start
-print(f"{len(many)} profiles in {elapsed:.2f} s, {1e6 * elapsed / len(many):.0f} µs each; {len(many.errors)} failed")
-
-
-def back(column):
-    """A column of the result in the shape of the cube: (position, wavelength)."""
-    return np.asarray(column).reshape(sigma_a.shape)
-
-
-found_a, u_a = back(many.sigma_a_per_mm), back(many.u_sigma_a_per_mm)
-found_s, u_s = back(many.sigma_s_prime_per_mm), back(many.u_sigma_s_prime_per_mm)
+failed = int((found.error != "").sum())
+print(f"{found.error.size} profiles in {elapsed:.2f} s, {1e6 * elapsed / found.error.size:.0f} µs each; {failed} failed")
+found
 
 # %% [markdown]
 # ## Maps
@@ -90,7 +93,10 @@ found_s, u_s = back(many.sigma_s_prime_per_mm), back(many.u_sigma_s_prime_per_mm
 # %%
 figure, rows = plt.subplots(2, 2, figsize=(10, 6), sharex=True, sharey=True, layout="constrained")
 for column, (what, maps) in enumerate(
-    {"σa (mm$^{-1}$)": (sigma_a, found_a), "σs′ (mm$^{-1}$)": (sigma_s_prime, found_s)}.items()
+    {
+        "σa (mm$^{-1}$)": (sigma_a, found.sigma_a_per_mm.values),
+        "σs′ (mm$^{-1}$)": (sigma_s_prime, found.sigma_s_prime_per_mm.values),
+    }.items()
 ):
     low, high = maps[0].min(), maps[0].max()
     for row, (name, values) in enumerate(zip(("true", "found"), maps)):
@@ -105,9 +111,12 @@ for axes in rows[:, 0]:
     axes.set_ylabel("wavelength (nm)")
 figure.savefig(folder / "maps.png", dpi=120)
 
-pulls = np.stack([(found_a - sigma_a) / u_a, (found_s - sigma_s_prime) / u_s])
+pulls = np.stack([
+    (found.sigma_a_per_mm - sigma_a) / found.u_sigma_a_per_mm,
+    (found.sigma_s_prime_per_mm - sigma_s_prime) / found.u_sigma_s_prime_per_mm,
+])
 print("(found − true)/u: mean", pulls.mean().round(3), "standard deviation", pulls.std().round(3))
-assert not many.errors
+assert failed == 0
 assert abs(pulls.mean()) < 0.1 and 0.9 < pulls.std() < 1.1
 
 # %% [markdown]
@@ -118,7 +127,7 @@ assert abs(pulls.mean()) < 0.1 and 0.9 < pulls.std() < 1.1
 # %%
 spectra = np.column_stack([np.ones_like(wavelength_nm), *pigments])
 solved, u_solved = [], []
-for values, u_values in zip(found_a, u_a):
+for values, u_values in zip(found.sigma_a_per_mm.values, found.u_sigma_a_per_mm.values):
     weighted = spectra / u_values[:, None]
     covariance = np.linalg.inv(weighted.T @ weighted)
     solved.append(covariance @ weighted.T @ (values / u_values))
@@ -127,8 +136,10 @@ solved, u_solved = np.array(solved), np.array(u_solved)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for k, color in zip((5, 30, 55), ("tab:blue", "tab:red", "tab:green")):
+    here = found.isel(position_mm=k)
     left.errorbar(
-        wavelength_nm, found_a[k], u_a[k], fmt=".", ms=4, color=color, label=f"at {position_mm[k]:.1f} mm"
+        wavelength_nm, here.sigma_a_per_mm, here.u_sigma_a_per_mm, fmt=".", ms=4, color=color,
+        label=f"at {position_mm[k]:.1f} mm",
     )
     left.plot(wavelength_nm, sigma_a[k], color=color, lw=1)
 left.set_xlabel("wavelength (nm)")
