@@ -247,14 +247,20 @@ pub(crate) fn check_options(options: &FitOptions, points: usize) -> Result<(), F
     Ok(())
 }
 
-/// Refuses radii that do not increase.
+/// Refuses radii that are none, and such that do not increase.
 pub(crate) fn check_radii(
     channel: &dyn Fn() -> String,
     radii: impl Iterator<Item = f64>,
 ) -> Result<(), FitError> {
     let mut previous_mm = f64::NEG_INFINITY;
     for radius_mm in radii {
-        if radius_mm <= previous_mm || !radius_mm.is_finite() || radius_mm < 0.0 {
+        if !radius_mm.is_finite() || radius_mm < 0.0 {
+            return Err(FitError::NoRadius {
+                channel: channel(),
+                radius_mm,
+            });
+        }
+        if radius_mm <= previous_mm {
             return Err(FitError::RadiiNotIncreasing {
                 channel: channel(),
                 radius_mm,

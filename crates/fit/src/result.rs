@@ -259,6 +259,17 @@ pub enum FitError {
         /// Its standard uncertainty, mm⁻².
         u: f64,
     },
+    /// A radius is negative or not finite.
+    #[error(
+        "channel {channel}: radius {radius_mm} mm; expected a finite number of at least 0, the distance from the \
+         beam: leave the point out"
+    )]
+    NoRadius {
+        /// Name of the channel.
+        channel: String,
+        /// The radius at fault, mm.
+        radius_mm: f64,
+    },
     /// The radii do not increase.
     #[error(
         "channel {channel}: radius {radius_mm} mm follows {previous_mm} mm; radii must increase: sort the profile and average repeated radii"

@@ -361,6 +361,14 @@ fn what_cannot_be_fitted_is_refused_with_its_reason() {
         run(&broken, Some(&total), &options),
         FitError::RadiiNotIncreasing { .. }
     ));
+    for none in [-0.5, f64::INFINITY] {
+        let mut broken = profile.clone();
+        broken.points[3].radius_mm = none;
+        assert!(matches!(
+            run(&broken, Some(&total), &options),
+            FitError::NoRadius { radius_mm, .. } if radius_mm == none
+        ));
+    }
     let mut dark = profile.clone();
     for p in &mut dark.points {
         p.reflectance_per_mm2 = 0.5 * p.u_reflectance_per_mm2;
