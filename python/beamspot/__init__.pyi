@@ -1,24 +1,27 @@
+# Without it pdoc, which runs this file, does not know a class within itself.
+from __future__ import annotations
+
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
+from xarray import DataArray, Dataset
 
 __version__: str
 
 _Array = NDArray[np.float64]
 _Picture = NDArray[np.float32]
 
+@final
 class Estimate:
     value: float
     u: float
     ci95: tuple[float, float]
     def __float__(self) -> float: ...
 
+@final
 class Fit:
     channel: str
     sigma_a_per_mm: Estimate
@@ -36,6 +39,7 @@ class Fit:
     model_per_mm2: _Array
     def to_dict(self) -> dict[str, Any]: ...
 
+@final
 class FitMany:
     sigma_a_per_mm: _Array
     u_sigma_a_per_mm: _Array
@@ -54,6 +58,7 @@ class FitMany:
     warnings: dict[int, list[str]]
     def __len__(self) -> int: ...
 
+@final
 class Material:
     material: str
     channel: str
@@ -69,6 +74,7 @@ class Material:
     model: str
     source: str
 
+@final
 class Radiance:
     value: _Picture
     variance: _Picture
@@ -77,6 +83,7 @@ class Radiance:
     hot: list[int]
     saturated_everywhere: list[int]
 
+@final
 class Profile:
     channel: str
     radius_mm: _Array
@@ -91,6 +98,7 @@ class Profile:
     rejected_pixels: int
     def __len__(self) -> int: ...
 
+@final
 class Measurement:
     material: str
     fits: list[Fit]
@@ -102,6 +110,7 @@ class Measurement:
     def to_dict(self) -> dict[str, Any]: ...
     def write(self, folder: str | PathLike[str], *, force: bool = False) -> None: ...
 
+@final
 class Batch:
     captures: list[str]
     materials: list[Material]
@@ -110,6 +119,7 @@ class Batch:
     def to_dict(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
 
+@final
 class Simulation:
     photons: int
     totals: dict[str, Any]
@@ -119,7 +129,7 @@ class Simulation:
     transmittance_per_mm2: _Array
     u_transmittance_per_mm2: _Array
     tables: dict[str, dict[str, _Array]]
-    def __add__(self, other: Simulation) -> Simulation: ...
+    def __add__(self, other: Simulation, /) -> Simulation: ...
 
 def dipole(radius_mm: ArrayLike, *, sigma_s_prime: float, sigma_a: float, eta: float) -> _Array: ...
 def better_dipole(

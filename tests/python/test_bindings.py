@@ -500,6 +500,15 @@ def test_the_stubs_say_what_goes_to_other_machines():
         assert there.__doc__, name
 
 
+def test_the_documentation_is_built_without_a_warning(tmp_path):
+    call = ["-W", "error", "-m", "pdoc", "-d", "markdown", "-o", str(tmp_path), "beamspot", "beamspot.distributed"]
+    done = subprocess.run([sys.executable, *call], capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    page = (tmp_path / "beamspot.html").read_text(encoding="utf-8")
+    assert all(f'id="{name}"' in page for name in beamspot.__all__)
+    assert 'id="fit_many"' in (tmp_path / "beamspot/distributed.html").read_text(encoding="utf-8")
+
+
 def test_the_readmes_example_runs():
     readme = (Path(__file__).parents[2] / "README.md").read_text()
     (example,) = [part.split("```")[0] for part in readme.split("```python\n")[1:]]
