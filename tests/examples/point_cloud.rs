@@ -1,5 +1,5 @@
-//! The hierarchy of `point-cloud` beside the sum over all points, and beside drawn points, on the
-//! bust of Figure 9 in marble:
+//! The hierarchy of `point-cloud` beside the sum over all points, and beside drawn points: on the
+//! bust of Figure 9 in marble, and on the textured scene:
 //!
 //! `cargo run --release -p beamspot-tests --example point_cloud`
 
@@ -10,18 +10,12 @@
 )]
 
 use physics::random::{Stream, stream};
-use pipeline::rendering::{BssrdfModel, load};
-use render::bssrdf::{Bssrdf, Exit, Sampling};
+use pipeline::rendering::{BssrdfModel, bssrdf, load};
+use render::bssrdf::Sampling;
 use render::surface::{Point, Shader};
-use render::{Gather, PointCloud, Scene, Vec3};
+use render::{Gather, PointCloud, Vec3};
+use std::path::Path;
 use std::time::Instant;
-
-fn bssrdf(scene: &Scene) -> Bssrdf {
-    let model = BssrdfModel::Jensen2001;
-    let media = &scene.objects[0].material.media;
-    let diffusion = media.iter().map(|m| model.diffusion(m).unwrap()).collect();
-    Bssrdf::new(scene, vec![diffusion], Exit::Paper, false, Sampling::Axes)
-}
 
 fn main() {
     let scenes = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes");
@@ -35,26 +29,35 @@ fn main() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("marble.toml");
     std::fs::write(&path, marble).unwrap();
-    let scene = load(&path).unwrap().scene;
+    println!("Figure 9 in marble");
+    study(
+        &path,
+        14,
+        &[0.05, 0.025, 0.012, 0.009, 0.0082, 0.0075, 0.0068, 0.006],
+    );
+    println!("textured.toml");
+    let path = Path::new(scenes).join("textured.toml");
+    study(&path, 28, &[0.05, 0.012, 0.0075, 0.006]);
+}
 
+/// Points of view are so many pixels apart.
+fn study(path: &Path, apart: usize, solid_angles: &[f64]) {
+    let scene = load(path).unwrap().scene;
+    let of_scene = || bssrdf(&scene, BssrdfModel::Jensen2001, Sampling::Axes).unwrap();
+    let [width, height] = scene.camera.size();
     let mut points = vec![];
-    for y in (5..480).step_by(14) {
-        for x in (5..400).step_by(14) {
-            let (origin, direction) = scene.camera.ray(f64::from(x), f64::from(y));
+    for y in (5..height).step_by(apart) {
+        for x in (5..width).step_by(apart) {
+            let (origin, direction) = scene.camera.ray(x as f64, y as f64);
             if let Some((object, hit)) = scene.enter(origin, direction) {
-                points.push(Point {
-                    object,
-                    at: origin + hit.distance * direction,
-                    true_normal: hit.normal,
-                    normal: hit.normal,
-                    coordinates: None,
-                });
+                let at = origin + hit.distance * direction;
+                points.push(Point::new(&scene, object, at, &hit));
             }
         }
     }
     let look = |solid_angle: f64, points: &[Point]| {
         let gather = Gather::Hierarchy { solid_angle };
-        let method = PointCloud::new(&scene, bssrdf(&scene), gather, 1, false).unwrap();
+        let method = PointCloud::new(&scene, of_scene(), gather, 1, false).unwrap();
         let start = Instant::now();
         let cloud = method.cloud(0);
         let built = start.elapsed().as_secs_f64();
@@ -68,19 +71,20 @@ fn main() {
             })
             .collect();
         let seconds = start.elapsed().as_secs_f64() / points.len() as f64;
-        (found, seconds, built, cloud.points(0))
+        let counts: Vec<usize> = (0..scene.objects.len()).map(|k| cloud.points(k)).collect();
+        (found, seconds, built, counts)
     };
     let (whole, brute, _, count) = look(0.0, &points);
     let mean = [0, 1, 2].map(|c| whole.iter().map(|x| x[c]).sum::<f64>() / whole.len() as f64);
     println!(
-        "{count} points of the cloud, {} points of view",
+        "{count:?} points of the cloud, {} points of view",
         points.len()
     );
     println!("all one by one: {:.3} ms a point of view", 1e3 * brute);
     println!(
         "solid angle, ms a point of view, times faster, worst and rms relative error (of at least 1 % of the mean)"
     );
-    for solid_angle in [0.05, 0.025, 0.012, 0.009, 0.0082, 0.0075, 0.0068, 0.006] {
+    for &solid_angle in solid_angles {
         let (found, seconds, built, _) = look(solid_angle, &points);
         let errors: Vec<f64> = found
             .iter()
@@ -98,7 +102,7 @@ fn main() {
         );
     }
     // Drawn points: how long until one point of view is known as well as by one cloud.
-    let shader = bssrdf(&scene);
+    let shader = of_scene();
     let mut rng: Stream = stream(2, &[]);
     let (mut relative, mut seconds) = (0.0, 0.0);
     let few: Vec<&Point> = points.iter().step_by(10).collect();

@@ -251,7 +251,7 @@ fn family(model: BssrdfModel, material: &Material, channel: usize) -> Result<Fam
 /// # Errors
 ///
 /// As [`BssrdfModel::diffusion`].
-pub(crate) fn bssrdf(scene: &Scene, model: BssrdfModel, sampling: Sampling) -> Result<Bssrdf> {
+pub fn bssrdf(scene: &Scene, model: BssrdfModel, sampling: Sampling) -> Result<Bssrdf> {
     let of_object = scene
         .objects
         .iter()

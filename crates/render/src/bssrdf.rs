@@ -341,7 +341,7 @@ impl Local<'_> {
     }
 
     /// [`Self::spread_by`] from the tables themselves.
-    fn spread(&self, square: f64) -> f64 {
+    pub(crate) fn spread(&self, square: f64) -> f64 {
         let tables = &self.family.tables;
         self.spread_by(square, |table, square| {
             tables[table].share * tables[table].profile.value(square.sqrt())

@@ -4,6 +4,7 @@
 //! Each round draws points of its own, so that the mean over rounds has no bias but that of the
 //! gathering, and its spread is its error.
 
+mod palette;
 mod samples;
 mod tree;
 
@@ -12,11 +13,12 @@ use crate::bssrdf::{Bssrdf, Diffusion, Local, square_of_distance};
 use crate::method::{Method, Picture, Planes};
 use crate::scene::{Scene, SceneError};
 use crate::surface::{Point, Shader, arrives, picture};
+use palette::Palette;
 use physics::random::{Stream, stream};
 use physics::{Medium, fresnel};
 use samples::Surface;
 use std::f64::consts::PI;
-use tree::{Lit, Tree};
+use tree::{Lit, Seen, Tree};
 
 /// How a pixel gathers light from the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +27,7 @@ pub enum Gather {
     /// an octree.
     Hierarchy {
         /// Solid angle, sr, which the surface of a node has to stay below to stand for its
-        /// points. 0 looks at every point.
+        /// points, unless it brings next to nothing. 0 looks at every point.
         solid_angle: f64,
     },
     /// Marengo (2005), of *Finding Nemo*: a smooth bell over the points within a scatter radius,
@@ -57,6 +59,11 @@ const MOST_OF_BELL: f64 = 1.2e5;
 const LEAST: f64 = 1e3;
 /// Rays of a beam in one round.
 const RAYS: usize = 256;
+/// Times that nodes may be larger than the solid angle if they bring [`LITTLE`] of the light.
+const LOOSE: f64 = 16.0;
+/// This share of what comes from all, over those times: some hundreds of such nodes together are then
+/// not more wrong than one that brings a fifth of the light.
+const LITTLE: f64 = 5e-4;
 /// Points between which the smooth bell is interpolated.
 const NEAREST: usize = 16;
 
@@ -85,6 +92,8 @@ struct Solid {
     points: usize,
     /// R_d of each channel, table by table of its family; under a texture their logarithms.
     spreads: Vec<Vec<BySquare>>,
+    /// Under a texture, for each channel.
+    palettes: Vec<Palette>,
 }
 
 /// A function of the distance as a table over its square, eight bits of which tell steps within an
@@ -232,6 +241,15 @@ impl<'a> PointCloud<'a> {
                 Gather::Smoothstep { .. } => MOST_OF_BELL,
             };
             let points = (area / (side * side)).clamp(LEAST, most) as usize;
+            let textured = object.material.texture.is_some();
+            let bounds = object.shape.bounds();
+            let most = bounds.map_or(f64::INFINITY, |(low, high)| (high - low).length());
+            let all = families.iter().enumerate().filter(|_| textured);
+            let palettes = all.map(|(channel, family)| {
+                let ends = object.material.representatives(channel);
+                Palette::new(family, &ends, most)
+            });
+            let palettes = palettes.collect();
             Ok(Solid {
                 surface: surface.filter(|_| covered),
                 points,
@@ -239,10 +257,10 @@ impl<'a> PointCloud<'a> {
                     .iter()
                     .map(|f| {
                         let tables = f.tables().iter();
-                        let textured = object.material.texture.is_some();
                         tables.map(|d| BySquare::new(d, textured)).collect()
                     })
                     .collect(),
+                palettes,
             })
         };
         let solids = scene.objects.iter().enumerate().map(solid);
@@ -261,7 +279,6 @@ impl<'a> PointCloud<'a> {
 
     /// The cloud of a round.
     pub fn cloud(&self, round: u64) -> Cloud<'_> {
-        let channels = self.scene.channels.len();
         let mut points = vec![vec![]; self.solids.len()];
         let mut powers: Vec<Vec<f64>> = vec![vec![]; self.solids.len()];
         let mut media: Vec<Vec<Medium>> = vec![vec![]; self.solids.len()];
@@ -313,17 +330,12 @@ impl<'a> PointCloud<'a> {
                 remember(&point);
             }
         }
-        let trees: Vec<Tree<Source>> = points
-            .iter()
-            .zip(&powers)
-            .zip(&media)
-            .enumerate()
+        let each = points.iter().zip(&powers).zip(&media).enumerate();
+        let trees: Vec<Tree> = each
             .map(|(object, ((points, powers), media))| {
                 let families = self.bssrdf.of_object(object);
-                let make = |channel: usize, power: f64, medium: &Medium| {
-                    Source::new(&families[channel].of(medium), power)
-                };
-                Tree::new(points, powers, media, channels, &make)
+                let palettes = &self.solids[object].palettes;
+                Tree::new(points, powers, media, families, palettes)
             })
             .collect();
         let gathered = match self.gather {
@@ -343,7 +355,7 @@ impl<'a> PointCloud<'a> {
 
     /// Radius of the widest bell, mm, and the light that leaves under the bells around every point of a
     /// tree, in each channel, W mm⁻².
-    fn gathered(&self, object: usize, tree: &Tree<Source>, radius: Option<f64>) -> (f64, Vec<f64>) {
+    fn gathered(&self, object: usize, tree: &Tree, radius: Option<f64>) -> (f64, Vec<f64>) {
         let even = &self.scene.objects[object].material.media;
         let channels = even.len();
         let of_media = |media: &[Medium]| -> Vec<(f64, f64)> {
@@ -423,7 +435,7 @@ impl Method for PointCloud<'_> {
 /// Points with the light that enters there, ready to be looked at from any place.
 pub struct Cloud<'a> {
     method: &'a PointCloud<'a>,
-    trees: Vec<Tree<Source>>,
+    trees: Vec<Tree>,
     /// For each solid the widest bell, mm, and by point and channel the light under all of them.
     gathered: Vec<(f64, Vec<f64>)>,
 }
@@ -444,31 +456,42 @@ impl Cloud<'_> {
     }
 
     fn by_hierarchy(&self, point: &Point, solid_angle: f64, out: &mut [f64]) {
-        let tables = &self.method.solids[point.object].spreads;
+        let solid = &self.method.solids[point.object];
+        let tables = &solid.spreads;
         let tree = &self.trees[point.object];
+        let offset = |from: &Lit| {
+            let offset = point.at - from.at;
+            (offset.length_squared(), offset.dot(from.normal))
+        };
         if self.method.is_textured(point.object) {
-            tree.seen(point.at, solid_angle, |from, seen| {
-                let offset = point.at - from.at;
-                let (square, along) = (offset.length_squared(), offset.dot(from.normal));
-                for (channel, (out, tables)) in out.iter_mut().zip(tables).enumerate() {
-                    for source in tree.made(seen, channel) {
-                        *out += source.light(tables, square, along);
+            let light = |from: &Lit, seen, channel: usize| {
+                let (square, along) = offset(from);
+                match seen {
+                    Seen::Point(k) => {
+                        tree.source(k, channel)
+                            .light(&tables[channel], square, along)
+                    }
+                    Seen::Node(k) => {
+                        let mixture = tree.mixture(k, channel);
+                        let depth = f64::from(mixture.source_depth_mm);
+                        let square = square_of_distance(square, along, depth);
+                        solid.palettes[channel].light(&mixture, square)
                     }
                 }
-            });
+            };
+            gathered(tree, point.at, solid_angle, light, out);
             return;
         }
         let even = &self.method.scene.objects[point.object].material.media;
         let even: Vec<Local> = self.method.bssrdf.at(point.object, even).collect();
-        tree.seen(point.at, solid_angle, |from, seen| {
-            let offset = point.at - from.at;
-            let (square, along) = (offset.length_squared(), offset.dot(from.normal));
-            let channels = out.iter_mut().zip(tree.powers(seen)).zip(tables);
-            for (((out, power), tables), local) in channels.zip(&even) {
-                let square = local.square_of_distance(square, along);
-                *out += power * local.spread_by(square, |table, own| tables[table].value(own));
-            }
-        });
+        let light = |from: &Lit, seen, channel: usize| {
+            let (square, along) = offset(from);
+            let (local, tables) = (&even[channel], &tables[channel]);
+            let square = local.square_of_distance(square, along);
+            tree.powers(seen)[channel]
+                * local.spread_by(square, |table, own| tables[table].value(own))
+        };
+        gathered(tree, point.at, solid_angle, light, out);
     }
 
     fn by_bell(&self, point: &Point, out: &mut [f64]) {
@@ -498,6 +521,41 @@ impl Cloud<'_> {
             }
         }
     }
+}
+
+/// Adds to `out` what comes to `at` from all of a tree, `light` being that of one point or node in a
+/// channel.
+#[inline]
+fn gathered(
+    tree: &Tree,
+    at: Vec3,
+    solid_angle: f64,
+    light: impl Fn(&Lit, Seen, usize) -> f64,
+    out: &mut [f64],
+) {
+    // What it is about, to know what counts.
+    let mut about = vec![0.0; out.len()];
+    let mut found = about.clone();
+    if solid_angle > 0.0 {
+        tree.offered(at, LOOSE * solid_angle, 1.0, |from, seen, _| {
+            for (channel, about) in about.iter_mut().enumerate() {
+                *about += light(from, seen, channel);
+            }
+            true
+        });
+    }
+    tree.offered(at, solid_angle, LOOSE, |from, seen, times| {
+        for (channel, (found, about)) in found.iter_mut().zip(&about).enumerate() {
+            *found = light(from, seen, channel);
+            if times > 1.0 && *found * times > LITTLE * about {
+                return false;
+            }
+        }
+        for (out, found) in out.iter_mut().zip(&found) {
+            *out += found;
+        }
+        true
+    });
 }
 
 impl Shader for Cloud<'_> {

@@ -256,9 +256,15 @@ fn the_hierarchy_of_a_board_is_the_sum_over_all_points() {
             }
         })
         .collect();
+    // On a ball the depth of the source counts, which is each medium's own.
+    let ball = Shape::Sphere(Sphere {
+        center: Vec3::ZERO,
+        radius: 12.0,
+    });
+    let bands = texture(&grain, 20, [0.5, 1.0]);
     let grain = texture(&grain, 20, [6.0; 2]);
-    for board in [board, grain] {
-        let scene = textured(scene(slab(), vec![MARBLE], slanted()), board);
+    for (shape, texture) in [(slab(), board), (slab(), grain), (ball, bands)] {
+        let scene = textured(scene(shape, vec![MARBLE], slanted()), texture);
         let of = |gather| PointCloud::new(&scene, bssrdf(&scene), gather, 3, false);
         let all = of(Gather::Hierarchy { solid_angle: 0.0 }).expect("a cloud");
         let nodes = of(Gather::HIERARCHY).expect("a cloud");

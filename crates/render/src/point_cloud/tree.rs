@@ -1,7 +1,10 @@
 //! Points in an octree, whose nodes stand for all points below them.
 
+use super::Source;
+use super::palette::{Mixture, Palette, Patch};
 use super::samples::morton;
 use crate::Vec3;
+use crate::bssrdf::Family;
 use physics::Medium;
 use std::ops::Range;
 
@@ -27,99 +30,16 @@ struct Node {
     low: Vec3,
     high: Vec3,
     points: Range<usize>,
-    /// Square of the distance up to which its groups stand for their media, mm².
-    reach: f64,
     /// The node after all that are below this one.
     next: usize,
 }
 
-/// Media whose σₜᵣ times the distance is apart by less, and whose σₜ′ by this share, may have one
-/// that stands for all: what is of the second order is then below 0.3 %. Far away, where there is
-/// little light, they may be further apart by the root of what is left of it.
-const ALIKE: f64 = 0.25;
-
-/// Media whose σₜᵣ is apart by less, over the least, share a [`Group`] of a node: then they are
-/// alike at any distance, since 0.3 x e^(−x/2) is never above [`ALIKE`].
-const GROUP: f64 = 0.3;
-/// The same for media that hardly absorb, whose σₜᵣ is small beside this share of σₜ′: they are
-/// alike for 400 transport lengths.
-const CLEAR: f64 = 0.002;
-
-/// Light of one channel that enters media which are much alike.
-#[derive(Clone, Copy, Debug)]
-struct Group {
-    /// W.
-    power: f64,
-    /// The mean of the light's own.
-    medium: Medium,
-    /// The least and the greatest.
-    sigma_tr: [f64; 2],
-    sigma_t_prime: [f64; 2],
-}
-
-impl Group {
-    fn new(power: f64, medium: Medium) -> Self {
-        let coefficients = medium.reduced().coefficients();
-        Self {
-            power,
-            medium,
-            sigma_tr: [coefficients.sigma_tr(); 2],
-            sigma_t_prime: [coefficients.sigma_t_prime(); 2],
-        }
-    }
-
-    /// Square of the distance up to which one stands for all, mm².
-    fn reach(&self) -> f64 {
-        let [low, high] = self.sigma_tr;
-        let apart = high - low;
-        // The farthest that apart · d · e^(−low d/2) ever gets.
-        if apart * 2.0 <= ALIKE * std::f64::consts::E * low {
-            f64::INFINITY
-        } else {
-            (ALIKE / apart).powi(2)
-        }
-    }
-
-    /// Both together, if they are alike enough.
-    fn with(&self, other: &Self) -> Option<Self> {
-        let both = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        let sigma_tr = both(self.sigma_tr, other.sigma_tr);
-        let sigma_t_prime = both(self.sigma_t_prime, other.sigma_t_prime);
-        let most = GROUP * (sigma_tr[0] + CLEAR * sigma_t_prime[0]);
-        let paths = sigma_t_prime[1] / sigma_t_prime[0] - 1.0;
-        if sigma_tr[1] - sigma_tr[0] > most || paths >= ALIKE {
-            return None;
-        }
-        let power = self.power + other.power;
-        let part = other.power / power;
-        let mean = |a: f64, b: f64| a + part * (b - a);
-        Some(Self {
-            power,
-            medium: Medium {
-                sigma_a: mean(self.medium.sigma_a, other.medium.sigma_a),
-                sigma_s: mean(self.medium.sigma_s, other.medium.sigma_s),
-                ..self.medium
-            },
-            sigma_tr,
-            sigma_t_prime,
-        })
-    }
-}
-
-/// As few groups as there can be, from the least σₜᵣ to the greatest.
-fn joined(mut groups: Vec<Group>) -> Vec<Group> {
-    groups.sort_unstable_by(|a, b| a.sigma_tr[0].total_cmp(&b.sigma_tr[0]));
-    let mut found: Vec<Group> = vec![];
-    for group in groups {
-        match found
-            .last_mut()
-            .and_then(|last| Some((last.with(&group)?, last)))
-        {
-            Some((both, last)) => *last = both,
-            None => found.push(group),
-        }
-    }
-    found
+/// Where the powers of a mixture are.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    patch: Patch,
+    start: u32,
+    source_depth_mm: f32,
 }
 
 /// What stands for all points as seen from somewhere: some of them, and nodes for the others.
@@ -130,33 +50,34 @@ pub(super) enum Seen {
 }
 
 /// Points with the power that enters at each, in every channel. Where media differ from point to
-/// point, there is a `K` for the power and the medium of each, and several for a node.
+/// point, a [`Source`] for each, and for a node a [`Mixture`].
 #[derive(Clone, Debug)]
-pub(super) struct Tree<K> {
+pub(super) struct Tree {
     channels: usize,
     points: Vec<Lit>,
     /// Channel by channel within a point, W.
     powers: Vec<f64>,
     /// Likewise the media there; none where they are the same everywhere.
     media: Vec<Medium>,
-    of_points: Vec<K>,
+    sources: Vec<Source>,
     nodes: Vec<Node>,
     node_powers: Vec<f64>,
-    /// For each node, channel by channel, where its own are.
-    node_ranges: Vec<[u32; 2]>,
-    of_nodes: Vec<K>,
+    /// For each node, channel by channel, its mixture, whose powers are in `shares`.
+    mixtures: Vec<Place>,
+    shares: Vec<f32>,
 }
 
-impl<K: Copy> Tree<K> {
-    /// Of points with their powers and, where they differ from point to point, media. `make` is told
-    /// of a channel, a power and a medium.
+impl Tree {
+    /// Of points with their powers and, where they differ from point to point, media, with what
+    /// each channel makes of them.
     pub(super) fn new(
         points: &[Lit],
         powers: &[f64],
         media: &[Medium],
-        channels: usize,
-        make: &dyn Fn(usize, f64, &Medium) -> K,
+        families: &[Family],
+        palettes: &[Palette],
     ) -> Self {
+        let channels = families.len();
         assert_eq!(points.len() * channels, powers.len());
         assert!(media.is_empty() || media.len() == powers.len());
         let (low, high) = points
@@ -184,32 +105,25 @@ impl<K: Copy> Tree<K> {
         let mut tree = Self {
             channels,
             points: order.iter().map(|&(_, k)| points[k]).collect(),
-            of_points: each
-                .map(|(k, (medium, power))| make(k % channels, *power, medium))
+            sources: each
+                .map(|(k, (medium, power))| Source::new(&families[k % channels].of(medium), *power))
                 .collect(),
             powers,
             media,
             nodes: vec![],
             node_powers: vec![],
-            node_ranges: vec![],
-            of_nodes: vec![],
+            mixtures: vec![],
+            shares: vec![],
         };
         if !points.is_empty() {
             let codes: Vec<u64> = order.into_iter().map(|(code, _)| code).collect();
-            tree.grow(&codes, 0..points.len(), LEVELS, make);
+            tree.grow(&codes, 0..points.len(), LEVELS, palettes);
         }
         tree
     }
 
-    /// Adds the node of `range`, whose codes agree down to `level`, and all below it; says what
-    /// enters which media there, channel by channel.
-    fn grow(
-        &mut self,
-        codes: &[u64],
-        range: Range<usize>,
-        level: u32,
-        make: &dyn Fn(usize, f64, &Medium) -> K,
-    ) -> Vec<Vec<Group>> {
+    /// Adds the node of `range`, whose codes agree down to `level`, and all below it.
+    fn grow(&mut self, codes: &[u64], range: Range<usize>, level: u32, palettes: &[Palette]) {
         let index = self.nodes.len();
         let channels = self.channels;
         let points = &self.points[range.clone()];
@@ -242,45 +156,92 @@ impl<K: Copy> Tree<K> {
             low,
             high,
             points: range.clone(),
-            reach: f64::INFINITY,
             next: 0,
         });
         let textured = !self.media.is_empty();
         if textured {
-            self.node_ranges.resize((index + 1) * channels, [0; 2]);
+            let all = (index + 1) * channels;
+            self.mixtures.resize(all, Place::default());
         }
-        let mut groups: Vec<Vec<Group>> = vec![vec![]; if textured { channels } else { 0 }];
-        if range.len() > LEAF && level > 0 {
+        let leaf = range.len() <= LEAF || level == 0;
+        if !leaf {
             let shift = 3 * (level - 1);
             let mut start = range.start;
             while start < range.end {
                 let digit = codes[start] >> shift;
                 let len = codes[start..range.end].partition_point(|code| code >> shift == digit);
-                let below = self.grow(codes, start..start + len, level - 1, make);
-                for (groups, below) in groups.iter_mut().zip(below) {
-                    groups.extend(below);
-                }
+                self.grow(codes, start..start + len, level - 1, palettes);
                 start += len;
             }
-        } else if textured {
-            for k in range.start * channels..range.end * channels {
-                if self.powers[k] > 0.0 {
-                    groups[k % channels].push(Group::new(self.powers[k], self.media[k]));
+        }
+        self.nodes[index].next = self.nodes.len();
+        if textured {
+            for (channel, palette) in palettes.iter().enumerate() {
+                if leaf {
+                    self.mix_points(index, channel, palette);
+                } else {
+                    self.mix_nodes(index, channel);
                 }
             }
         }
-        for (channel, groups) in groups.iter_mut().enumerate() {
-            *groups = joined(std::mem::take(groups));
-            let start = self.of_nodes.len() as u32;
-            let all = groups.iter().map(|g| make(channel, g.power, &g.medium));
-            self.of_nodes.extend(all);
-            let end = self.of_nodes.len() as u32;
-            self.node_ranges[index * channels + channel] = [start, end];
+    }
+
+    /// Makes the mixture of a leaf from its points.
+    fn mix_points(&mut self, index: usize, channel: usize, palette: &Palette) {
+        let at = |k: usize| k * self.channels + channel;
+        let lit = |k: &usize| self.powers[at(*k)] > 0.0;
+        let all = self.nodes[index].points.clone().filter(lit).map(at);
+        let weights: Vec<_> = all
+            .clone()
+            .map(|k| palette.weights(&self.media[k]))
+            .collect();
+        let patches = weights.iter().map(|(patch, _)| *patch);
+        let whole = patches.fold(Patch::default(), Patch::with);
+        let mut sums = vec![0.0; whole.len()];
+        let mut depth = 0.0;
+        for (k, (patch, weights)) in all.zip(&weights) {
+            let power = self.powers[k];
+            let powers = weights.map(|weight| weight * power as f32);
+            patch.add_to(&powers[..patch.len()], &whole, &mut sums);
+            depth += power * f64::from(self.sources[k].source_depth_mm);
         }
-        let reaches = groups.iter().flatten().map(Group::reach);
-        self.nodes[index].reach = reaches.fold(f64::INFINITY, f64::min);
-        self.nodes[index].next = self.nodes.len();
-        groups
+        self.mixed(index, channel, whole, &sums, depth);
+    }
+
+    /// Makes the mixture of a node from those right below it.
+    fn mix_nodes(&mut self, index: usize, channel: usize) {
+        let mut below = vec![];
+        let mut node = index + 1;
+        while node < self.nodes[index].next {
+            below.push(node * self.channels + channel);
+            node = self.nodes[node].next;
+        }
+        let patches = below.iter().map(|k| self.mixtures[*k].patch);
+        let whole = patches.fold(Patch::default(), Patch::with);
+        let mut sums = vec![0.0; whole.len()];
+        let mut depth = 0.0;
+        for k in below {
+            let Place {
+                patch,
+                start,
+                source_depth_mm,
+            } = self.mixtures[k];
+            let powers = &self.shares[start as usize..][..patch.len()];
+            patch.add_to(powers, &whole, &mut sums);
+            depth += self.node_powers[k] * f64::from(source_depth_mm);
+        }
+        self.mixed(index, channel, whole, &sums, depth);
+    }
+
+    fn mixed(&mut self, index: usize, channel: usize, patch: Patch, powers: &[f32], depth: f64) {
+        let place = index * self.channels + channel;
+        let power = self.node_powers[place].max(f64::MIN_POSITIVE);
+        self.mixtures[place] = Place {
+            patch,
+            start: self.shares.len() as u32,
+            source_depth_mm: (depth / power) as f32,
+        };
+        self.shares.extend(powers);
     }
 
     pub(super) fn len(&self) -> usize {
@@ -309,24 +270,39 @@ impl<K: Copy> Tree<K> {
         &powers[index * self.channels..][..self.channels]
     }
 
-    /// What was made of the power of a point or node in a channel, where media differ.
+    /// What a point is in a channel, where media differ.
     #[inline]
-    pub(super) fn made(&self, seen: Seen, channel: usize) -> &[K] {
-        match seen {
-            Seen::Point(index) => {
-                std::slice::from_ref(&self.of_points[index * self.channels + channel])
-            }
-            Seen::Node(index) => {
-                let [start, end] = self.node_ranges[index * self.channels + channel];
-                &self.of_nodes[start as usize..end as usize]
-            }
+    pub(super) fn source(&self, point: usize, channel: usize) -> &Source {
+        &self.sources[point * self.channels + channel]
+    }
+
+    /// What a node is in a channel, where media differ.
+    #[inline]
+    pub(super) fn mixture(&self, node: usize, channel: usize) -> Mixture<'_> {
+        let Place {
+            patch,
+            start,
+            source_depth_mm,
+        } = self.mixtures[node * self.channels + channel];
+        Mixture {
+            patch,
+            powers: &self.shares[start as usize..][..patch.len()],
+            source_depth_mm,
         }
     }
 
-    /// Tells `add` of what stands for all points as seen from `from`: nodes whose surface fills less
-    /// than `solid_angle` there, and the points of the others. Where no light enters is left out.
+    /// Offers what stands for all points as seen from `from`: nodes whose surface fills less than
+    /// `loose` times `solid_angle` there, with how many times that is, and the points of the others
+    /// with 0. What is below a node that `take` refuses is offered in its place; where no light
+    /// enters is left out.
     #[inline]
-    pub(super) fn seen(&self, from: Vec3, solid_angle: f64, mut add: impl FnMut(&Lit, Seen)) {
+    pub(super) fn offered(
+        &self,
+        from: Vec3,
+        solid_angle: f64,
+        loose: f64,
+        mut take: impl FnMut(&Lit, Seen, f64) -> bool,
+    ) {
         let mut index = 0;
         while let Some(node) = self.nodes.get(index) {
             let powers = self.powers(Seen::Node(index));
@@ -336,13 +312,12 @@ impl<K: Copy> Tree<K> {
             }
             let inside = from.cmpge(node.low).all() && from.cmple(node.high).all();
             let square = (node.mean.at - from).length_squared();
-            let far = !inside && node.mean.area < solid_angle * square;
-            if far && square < node.reach {
-                add(&node.mean, Seen::Node(index));
+            let times = node.mean.area / (solid_angle * square);
+            if !inside && times < loose && take(&node.mean, Seen::Node(index), times) {
                 index = node.next;
             } else if node.next == index + 1 {
                 for k in node.points.clone() {
-                    add(&self.points[k], Seen::Point(k));
+                    take(&self.points[k], Seen::Point(k), 0.0);
                 }
                 index = node.next;
             } else {
