@@ -259,6 +259,13 @@ fn bad_scenes_are_answered() {
     .unwrap();
     let block = "shape = \"block\"\nmin_mm = [-4, -4, -4]\nmax_mm = [4, 4, 4]\n";
     let mesh = |file: &str| SCENE.replace(block, &format!("shape = \"mesh\"\nfile = \"{file}\"\n"));
+    let with_ball = |center: &str, radius: f64| {
+        format!(
+            "{SCENE}[[object]]\nname = \"ball\"\nshape = \"sphere\"\ncenter_mm = {center}\n\
+             radius_mm = {radius}\nmedium = {{ sigma_a_per_mm = 0.05, sigma_s_per_mm = 1 }}\n\
+             eta = 1.4\n"
+        )
+    };
     for (scene, said) in [
         (
             SCENE.replace("eta = 1.4", "etta = 1.4"),
@@ -307,12 +314,21 @@ fn bad_scenes_are_answered() {
         ),
         (mesh("none.obj"), "none.obj"),
         (mesh("flat.obj"), "encloses no volume"),
-        (mesh("nan.obj"), "vertex 1"),
+        (mesh("nan.obj"), "nan.obj: OBJ: line 1: `v 0 0 nan`"),
         (mesh("empty.obj"), "no triangle"),
         (mesh("index.obj"), "out of bounds; the file is damaged"),
         (mesh("cut.ply"), "got 1); the file is cut short"),
         (mesh("open.obj"), "no path finds it"),
-        (mesh("normal.obj"), "normals of vertex 2"),
+        (mesh("normal.obj"), "line 5: `vn nan 0 1`"),
+        (
+            with_ball("[0, 0, 5]", 1.01),
+            "objects sample and ball share space around",
+        ),
+        (
+            with_ball("[0, 0, 0]", 1.01),
+            "object ball is inside sample, where no light would find it",
+        ),
+        (with_ball("[0, 0, 0]", 9.0), "object sample is inside ball"),
         (
             SCENE.replace(
                 "kind = \"beam\"\nfrom_mm = [0, -1, 20]\ndirection = [0, 0, -1]\nradius_mm = 0.5",
@@ -351,6 +367,15 @@ fn bad_scenes_are_answered() {
         assert_eq!(found, Some(code), "{method:?}: {error}");
         assert!(code == 0 || error.contains("clear medium"), "{error}");
     }
+    // A camera that looks away: a picture of nothing, and what to look for.
+    let away = SCENE.replace("to_mm = [0, 0, 0]", "to_mm = [0, -60, 40]");
+    fs::write(path.join("scene.toml"), away).unwrap();
+    let dark = ["render", "scene.toml", "-o", "dark.exr", "--rounds", "2"];
+    let (code, _, error) = call(path, &[&dark[..], &["--photons", "10"]].concat());
+    assert!(
+        code == Some(0) && error.contains("picture is black"),
+        "{error}"
+    );
     // Open, but under a sky: a picture, and a warning.
     let open = mesh("open.obj").replace(
         "kind = \"beam\"\nfrom_mm = [0, -1, 20]\ndirection = [0, 0, -1]\nradius_mm = 0.5",

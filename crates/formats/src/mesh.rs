@@ -24,7 +24,17 @@ pub struct Triangles {
 pub enum MeshFileError {
     /// Not an OBJ file, or a damaged one.
     #[error("OBJ: {0}; the file is damaged: export the mesh anew")]
-    Obj(#[from] tobj::LoadError),
+    Obj(tobj::LoadError),
+    /// A coordinate is not a number, or infinite.
+    #[error(
+        "OBJ: line {line}: `{text}` has a number that is not finite; put it right, or export the mesh anew"
+    )]
+    NotFinite {
+        /// The line, from 1.
+        line: usize,
+        /// What it says.
+        text: String,
+    },
     /// Not a PLY file, or a damaged one.
     #[error("PLY: {0}; the file is cut short or damaged: copy it, or export the mesh anew")]
     Ply(String),
@@ -32,7 +42,7 @@ pub enum MeshFileError {
     #[error("PLY: no {0}; expected vertices with x, y, z and faces with vertex_indices")]
     Missing(&'static str),
     /// A face with an index that no vertex can have.
-    #[error("PLY: face {0} has an index that is negative or too large")]
+    #[error("PLY: face {0} has an index that is negative or too large; export the mesh anew")]
     Index(usize),
 }
 
@@ -40,8 +50,22 @@ pub enum MeshFileError {
 ///
 /// # Errors
 ///
-/// [`MeshFileError::Obj`].
+/// [`MeshFileError::Obj`], [`MeshFileError::NotFinite`].
 pub fn read_obj(bytes: &[u8]) -> Result<Triangles, MeshFileError> {
+    // The reader joins vertices and numbers them anew: afterwards nobody can tell which it was.
+    for (index, line) in bytes.split(|b| *b == b'\n').enumerate() {
+        if !line.trim_ascii_start().starts_with(b"v") {
+            continue;
+        }
+        let text = String::from_utf8_lossy(line);
+        let no_number = |word: &str| word.parse::<f64>().is_ok_and(|x| !x.is_finite());
+        if text.split_ascii_whitespace().skip(1).any(no_number) {
+            return Err(MeshFileError::NotFinite {
+                line: index + 1,
+                text: text.trim().chars().take(60).collect(),
+            });
+        }
+    }
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
@@ -49,7 +73,8 @@ pub fn read_obj(bytes: &[u8]) -> Result<Triangles, MeshFileError> {
         ignore_lines: true,
     };
     let mut reader = BufReader::new(bytes);
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Ok(Default::default()))?;
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Ok(Default::default()))
+        .map_err(MeshFileError::Obj)?;
     let mut all = Triangles::default();
     for tobj::Model { mesh, .. } in models {
         let first = all.vertices.len() as u32;
@@ -214,6 +239,11 @@ mod tests {
     #[test]
     fn what_is_no_mesh_is_refused() {
         assert!(read_obj(b"v 1 nothing 2\nf 1 2 3\n").is_err());
+        for bad in ["v 0 nan 1", "  v 0 1 -inf", "vn 0 0 NaN", "vt 1e999 0"] {
+            let found = read_obj(OBJ.replace("v 0 1 0.5", bad).as_bytes());
+            let at = matches!(&found, Err(MeshFileError::NotFinite { line: 4, text }) if text == bad.trim());
+            assert!(at, "{bad}: {found:?}");
+        }
         assert!(read_obj(b"v 1 2 3\nf 1 2 9\n").is_err());
         assert!(read_ply(&b"nothing"[..]).is_err());
         let lines = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n";

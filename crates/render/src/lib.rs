@@ -16,6 +16,7 @@
 //! | [`photons`] | `monte-carlo` from the lights, connected to the camera through flat faces |
 //! | `guide` | how light photons should be, and so how many, far from a beam |
 //! | [`paths`] | `monte-carlo` from the camera |
+//! | `overlap` | solids that share space, which are refused |
 //! | [`monte_carlo`] | the method `monte-carlo`: which light goes which way |
 //! | [`method`] | [`Method`]: what all ways to a picture have in common |
 //! | [`surface`] | models of the surface: what comes out of a solid at a point |
@@ -37,6 +38,7 @@ pub mod leap;
 pub mod light;
 pub mod method;
 pub mod monte_carlo;
+mod overlap;
 pub mod paths;
 pub mod photons;
 pub mod point_cloud;

@@ -3,6 +3,7 @@
 use crate::Vec3;
 use crate::camera::Camera;
 use crate::light::{Light, Reach};
+use crate::overlap::{Shared, shared};
 use crate::shape::{Hit, Shape};
 use crate::surface::Point;
 use crate::texture::Texture;
@@ -149,6 +150,28 @@ pub enum SceneError {
         /// What was found.
         found: f64,
     },
+    /// Two solids are in the same place.
+    #[error(
+        "objects {first} and {second} share space around ({:.4}, {:.4}, {:.4}) mm; between solids there has to be air: move one, or make it smaller", at.x, at.y, at.z
+    )]
+    Overlap {
+        /// One.
+        first: String,
+        /// The other.
+        second: String,
+        /// A point of both.
+        at: Vec3,
+    },
+    /// One solid is inside another.
+    #[error(
+        "object {inner} is inside {outer}, where no light would find it: a solid is filled with one medium; leave one of them out, or move it"
+    )]
+    Nested {
+        /// One.
+        inner: String,
+        /// The other.
+        outer: String,
+    },
     /// The camera is in a solid.
     #[error("the camera stands inside {0}; move it out")]
     CameraInside(String),
@@ -227,6 +250,7 @@ impl Scene {
         for object in &self.objects {
             self.check_texture(object)?;
         }
+        self.check_overlaps()?;
         for (lamp, Lamp { light, strength }) in self.lamps.iter().enumerate() {
             let lamp = lamp + 1;
             count(format!("light {lamp}"), strength.len())?;
@@ -271,6 +295,34 @@ impl Scene {
                     object: object.name.clone(),
                     channel: self.channels[channel].clone(),
                 });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_overlaps(&self) -> Result<(), SceneError> {
+        for (index, a) in self.objects.iter().enumerate() {
+            for b in &self.objects[..index] {
+                let found = [(a, b), (b, a)].map(|(a, b)| (a, b, shared(&a.shape, &b.shape)));
+                for (inner, outer, found) in &found {
+                    if *found == Some(Shared::Inside) {
+                        return Err(SceneError::Nested {
+                            inner: inner.name.clone(),
+                            outer: outer.name.clone(),
+                        });
+                    }
+                }
+                let at = found.iter().find_map(|(_, _, found)| match found {
+                    Some(Shared::Around(at)) => Some(*at),
+                    _ => None,
+                });
+                if let Some(at) = at {
+                    return Err(SceneError::Overlap {
+                        first: b.name.clone(),
+                        second: a.name.clone(),
+                        at,
+                    });
+                }
             }
         }
         Ok(())

@@ -11,6 +11,8 @@ mod sphere;
 
 pub use block::Block;
 pub use half_space::HalfSpace;
+#[cfg(test)]
+pub(crate) use mesh::tests::ball as mesh_ball;
 pub use mesh::{Mesh, MeshError, MeshWarning};
 pub use sphere::Sphere;
 

@@ -26,6 +26,9 @@ pub(crate) fn run(
     let picture = render(&loaded, &options, before, monitor)?;
     let interrupted = monitor.stopped();
     let outcome = files.write(outputs, &loaded, &options, &picture, interrupted)?;
+    for warning in outcome.warnings.iter().skip(loaded.warnings.len()) {
+        let _ = writeln!(std::io::stderr(), "beamspot: {warning}");
+    }
     if common.json {
         print::json(out, &outcome)?;
     } else {
@@ -46,14 +49,18 @@ pub(crate) fn run(
             let head = ["object", "face", "channel", "power out, W"];
             print::line(out, text_table(&head, &rows).trim_end())?;
         }
+        let error = if outcome.relative_error.is_finite() {
+            let percent = 100.0 * outcome.relative_error;
+            format!("rms error {percent:.3} % of the mean pixel")
+        } else {
+            "an error that one round does not tell".to_owned()
+        };
         print::line(
             out,
             format!(
-                "{}: {} rounds, rms error {:.3} % of the mean pixel; PNG: radiance x {:.4e} through \
-                 the sRGB curve; wrote {}",
+                "{}: {} rounds, {error}; PNG: radiance x {:.4e} through the sRGB curve; wrote {}",
                 outcome.method,
                 outcome.rounds,
-                100.0 * outcome.relative_error,
                 outcome.png_exposure,
                 args.output.display()
             ),

@@ -216,6 +216,21 @@ impl PictureFiles {
     }
 }
 
+/// What to look for where a picture shows nothing.
+fn dark(picture: &Picture) -> Option<String> {
+    // Numbers that are less are left over from logarithms.
+    const NOTHING: f64 = 1e-100;
+    let film = &picture.radiance;
+    let black = (0..film.len()).all(|index| film.estimate(index).value.abs() < NOTHING);
+    black.then(|| {
+        "the picture is black: no light found its way from a lamp to the camera. Is a solid in view \
+         (`from_mm`, `to_mm`, `field_deg` or `height_mm`), does its medium scatter, and does light fall \
+         on it? An area light shines from the side to which u_mm x v_mm points, a beam along its \
+         `direction`"
+            .to_owned()
+    })
+}
+
 /// What a state belongs to.
 fn identity(loaded: &Loaded, options: &RenderOptions) -> blake3::Hash {
     let mut hash = blake3::Hasher::new();
@@ -424,7 +439,12 @@ fn outcome(
         rings,
         specular,
         lost,
-        warnings: loaded.warnings.clone(),
+        warnings: loaded
+            .warnings
+            .iter()
+            .cloned()
+            .chain(dark(picture))
+            .collect(),
         interrupted,
     }
 }

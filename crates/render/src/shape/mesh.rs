@@ -92,7 +92,7 @@ impl fmt::Display for MeshWarning {
             ),
             Self::Disordered(n) => write!(
                 f,
-                "{n} edges of the mesh have triangles that disagree on which side is out"
+                "{n} edges of the mesh have triangles that disagree on which side is out: light that finds them is lost; let all face outward (\"recalculate normals\"), or take the picture as a sketch"
             ),
             Self::Degenerate(n) => write!(f, "{n} triangles without area were left out"),
             Self::InsideOut => write!(f, "the mesh was inside out and has been turned"),
