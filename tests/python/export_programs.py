@@ -46,11 +46,11 @@ def mcx(command, folder):
         media = [[m["mua"], m["mus"], m["g"], m["n"]] for m in domain["Media"]]
         side, depth = int(70 / unit_mm), int(35 / unit_mm)
         rows = beamspot.materials("skin1")
-        for number, row in enumerate(rows, start=1):
+        for medium, row in zip(media[1:], rows):
             settings = {
                 "nphoton": PHOTONS,
-                "vol": np.full((side, side, depth), number, dtype=np.uint8),
-                "prop": media,
+                "vol": np.ones((side, side, depth), dtype=np.uint8),
+                "prop": [media[0], medium],
                 "unitinmm": domain["LengthUnit"],
                 "srctype": "pencil",
                 "srcpos": [side / 2, side / 2, 0],
