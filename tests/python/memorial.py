@@ -8,7 +8,8 @@ The folder holds memorial00NN.png and shutter_times.txt, one exposure a line, lo
 Where the two differ the pixels decide: of one that has a low code in one exposure and one from 80 to 215 in a longer, the curve
 tells a ratio of exposures, and the shutter another. What is printed is the median of ln of the one over the other, for pixels
 that neither has seen. On these scans it is below 0.2 from code 25 on and up to 2.8 before, for any curve: the film's fog and the
-scanner's black hold whatever is darker at codes about 20, where no curve can tell one light from another.
+scanner's black hold whatever is darker at codes about 20, where no curve can tell one light from another. u has to hold that: last comes
+the share of those pairs that our curve with 1.96 u of both codes holds.
 """
 
 import sys
@@ -20,16 +21,16 @@ import numpy as np
 from response import beamspot, opencv_spread, sample
 
 
-def pulls(curve, codes, times, low):
-    """Median of ln(ratio by `curve`/ratio by the shutter) for pixels with a code in `low`, and their number."""
-    found = [np.empty(0)]
+def pulls(curve, u, codes, times, low):
+    """ln(ratio by `curve`/ratio by the shutter) for pixels with a code in `low`, and its u."""
+    found, known = [np.empty(0)], [np.empty(0)]
     for i, short in enumerate(np.log(times)):
         for j, long in enumerate(np.log(times)):
             if 1.5 < long - short < 3:
                 pairs = (codes[:, i] >= low[0]) & (codes[:, i] < low[1]) & (codes[:, j] >= 80) & (codes[:, j] <= 215)
                 found.append(curve[codes[pairs, j]] - curve[codes[pairs, i]] - (long - short))
-    found = np.concatenate(found)
-    return (np.median(found) if len(found) else np.nan), len(found)
+                known.append(np.hypot(u[codes[pairs, j]], u[codes[pairs, i]]))
+    return np.concatenate(found), np.concatenate(known)
 
 
 def main(folder):
@@ -57,9 +58,14 @@ def main(folder):
             f"{np.maximum(0, np.maximum(low - mine, mine - high)).max():.3f}"
         )
         for low in ((15, 20), (20, 25), (25, 30), (30, 40), (40, 60)):
-            of = [pulls(c, unseen[:, :, channel], times, low) for c in (curve, np.median(spread[:, channel], axis=0))]
-            print(f"   codes {low[0]} to {low[1]}: {of[0][1]} pairs, ours {of[0][0]:+.3f}, OpenCV's median {of[1][0]:+.3f}")
-
+            off, known = pulls(curve, u, unseen[:, :, channel], times, low)
+            off_theirs, _ = pulls(np.median(spread[:, channel], axis=0), u, unseen[:, :, channel], times, low)
+            if len(off) == 0:
+                continue
+            print(
+                f"   codes {low[0]} to {low[1]}: {len(off)} pairs, ours {np.median(off):+.3f}, OpenCV's median "
+                f"{np.median(off_theirs):+.3f}; u {np.median(known):.3f} holds {100 * np.mean(np.abs(off) < 1.96 * known):.1f} %"
+            )
 
 
 if __name__ == "__main__":

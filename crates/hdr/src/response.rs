@@ -6,6 +6,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use physics::Sensor;
+use std::f64::consts::FRAC_PI_2;
+use std::ops::RangeInclusive;
 use thiserror::Error;
 
 /// Codes of 8 bits.
@@ -39,7 +41,8 @@ pub struct Response {
     /// falls with the code.
     pub ln_exposure: Vec<f64>,
     /// Its standard uncertainty. Codes that no sample had rest on their neighbours, and say so
-    /// here; 0 and 255 hold whatever is darker and brighter, and are extrapolated.
+    /// here; 0 and 255 hold whatever is darker and brighter, and are extrapolated. Where frames
+    /// contradict any one curve, as in the fog of a film, it holds what they say.
     pub u: Vec<f64>,
     /// Standard deviation of a sample of the middle code about the curve, in ln of exposure.
     pub scatter: f64,
@@ -157,11 +160,17 @@ pub fn recover(codes: &[u8], exposures_s: &[f64]) -> Result<Response, ResponseEr
         solved = Some((decomposition, scatter));
     }
     let (decomposition, scatter) = solved.ok_or(ResponseError::Open)?;
-    let covariance = decomposition.inverse();
-    let u: Vec<f64> = (0..CODES)
-        .map(|z| ALIKE * (scatter * covariance[(z, z)]).max(0.0).sqrt())
-        .collect();
-    let mut ln_exposure = monotone(curve.as_slice(), &u);
+    let covariance = decomposition.inverse() * (ALIKE * ALIKE * scatter);
+    let of = |covariance: &DMatrix<f64>| -> Vec<f64> {
+        (0..CODES)
+            .map(|z| covariance[(z, z)].max(0.0).sqrt())
+            .collect()
+    };
+    let mut ln_exposure = monotone(curve.as_slice(), &of(&covariance));
+    let misfit = DVector::from(misfit(&pixels, &ln_t, &ln_exposure));
+    // One frame's toe is off as a whole, so its codes err together.
+    let covariance = covariance + &misfit * misfit.transpose();
+    let u = of(&covariance);
     let zero = ln_exposure[MIDDLE];
     for value in &mut ln_exposure {
         *value -= zero;
@@ -170,8 +179,106 @@ pub fn recover(codes: &[u8], exposures_s: &[f64]) -> Result<Response, ResponseEr
         ln_exposure,
         u,
         scatter: scatter.sqrt(),
-        ways: ways(&(covariance * (ALIKE * ALIKE * scatter))),
+        ways: ways(&covariance),
     })
+}
+
+/// Codes of which a sample tells the light of its pixel better than any other can.
+const TELLING: RangeInclusive<u8> = 64..=191;
+
+/// Samples of one frame, next to each other in light, whose median is one misfit.
+const TOGETHER: usize = 25;
+
+/// Misfits count where they are beyond what noise explains twice: there are few at each code.
+const EXPLAINED: f64 = 2.0;
+
+/// Samples that tell the misfit at a code, from as many of its neighbours as it takes.
+const ENOUGH: usize = 4 * TOGETHER;
+
+/// By how much the samples of each code contradict the curve beyond noise, as a standard deviation
+/// in ln of exposure.
+///
+/// The light of a pixel is told by its samples of [`TELLING`] codes in other frames; the median of
+/// what the curve makes of others of that light and frame beside it is a misfit, in which the
+/// noise of samples has averaged out. It counts where rounding, the rest of that noise and the
+/// misfits among telling codes (exposure times that are a little off) do not explain it: its rms,
+/// and more where 1.96 of it would not hold 95 % of the samples. A ripple that repeats itself with equal steps of exposure fits all
+/// pairs and stays unseen.
+fn misfit(pixels: &[&[u8]], ln_t: &[f64], curve: &[f64]) -> Vec<f64> {
+    let telling = |z: &u8| TELLING.contains(z);
+    // And what noise and rounding explain of it.
+    let mut squares: Vec<Vec<(f64, f64)>> = vec![vec![]; CODES];
+    for frame in 0..ln_t.len() {
+        // Light in the frame, the code it gave, and what the curve has beyond it.
+        let mut seen: Vec<(f64, usize, f64)> = vec![];
+        for pixel in pixels.iter().filter(|pixel| hat(pixel[frame]) > 0.0) {
+            let others = pixel.iter().zip(ln_t).enumerate();
+            let (sum, count) = others
+                .filter(|(other, (z, _))| *other != frame && telling(z))
+                .fold((0.0, 0.0), |(sum, count), (_, (z, t))| {
+                    (sum + curve[usize::from(*z)] - t, count + 1.0)
+                });
+            if count > 0.0 {
+                let light = sum / count + ln_t[frame];
+                let code = usize::from(pixel[frame]);
+                seen.push((light, code, curve[code] - light));
+            }
+        }
+        seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        for group in seen.chunks(TOGETHER) {
+            let mut off: Vec<f64> = group.iter().map(|(.., off)| *off).collect();
+            let median = median(&mut off);
+            let mut apart: Vec<f64> = off.iter().map(|off| (off - median).abs()).collect();
+            // The median of n Gaussians has pi/2 of the variance of their mean.
+            let own = FRAC_PI_2 * (1.4826 * self::median(&mut apart)).powi(2) / off.len() as f64;
+            for (_, code, _) in group {
+                let (lower, upper) = (code - 1, (code + 1).min(CODES - 1));
+                let step = (curve[upper] - curve[lower]) / (upper - lower) as f64;
+                squares[*code].push((median * median, own + step * step / 12.0));
+            }
+        }
+    }
+    let of = |codes: RangeInclusive<usize>| {
+        let mut near = squares[codes].concat();
+        if near.is_empty() {
+            return (0.0, 0.0);
+        }
+        let (sum, explained) =
+            (near.iter()).fold((0.0, 0.0), |all, one| (all.0 + one.0, all.1 + one.1));
+        let count = near.len() as f64;
+        // Of the squares of normal misfits, 95 % are within 1.96 squared.
+        let place = (count * 0.95) as usize;
+        let bound = near
+            .select_nth_unstable_by(place, |a, b| a.0.total_cmp(&b.0))
+            .1
+            .0;
+        (
+            f64::max(sum / count, bound / 1.96_f64.powi(2)),
+            explained / count,
+        )
+    };
+    let [first, last] = [*TELLING.start(), *TELLING.end()].map(usize::from);
+    let (all, explained) = of(first..=last);
+    let common = f64::max(all - explained, 0.0);
+    let near = |z: usize, reach: usize| z.saturating_sub(reach)..=(z + reach).min(CODES - 1);
+    let enough =
+        |codes: RangeInclusive<usize>| squares[codes].iter().map(Vec::len).sum::<usize>() >= ENOUGH;
+    let misfit = |z| {
+        let reach = (0..CODES).find(|reach| enough(near(z, *reach)));
+        let (square, explained) = of(near(z, reach.unwrap_or(CODES)));
+        if square > EXPLAINED * (explained + common) {
+            square.sqrt()
+        } else {
+            0.0
+        }
+    };
+    (0..CODES).map(misfit).collect()
+}
+
+/// The upper median of some values.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Ways that are kept of the curve's covariance.
@@ -201,7 +308,7 @@ const FULL_DN: f64 = 50_000.0;
 const SATURATED_DN: f64 = 52_000.0;
 
 /// Codes that show the noise of light rather than that of rounding or of the curve's ends.
-const CLEAR: std::ops::RangeInclusive<u8> = 20..=235;
+const CLEAR: RangeInclusive<u8> = 20..=235;
 
 impl Response {
     /// The curve as counts, and the noise of such counts among the `codes` that it was recovered
@@ -235,9 +342,8 @@ impl Response {
         let per_count = if squares.is_empty() {
             1.0
         } else {
-            let middle = squares.len() / 2;
             // The median of a squared Gaussian is 0.4549 of its variance.
-            *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.454_9
+            median(&mut squares) / 0.454_9
         };
         let gain_e_per_dn = 1.0 / per_count.max(1e-6);
         let step = counts[2] - counts[1];
@@ -396,8 +502,7 @@ fn residual_variance(pixels: &[&[u8]], ln_t: &[f64], curve: &DVector<f64>, freed
             }
         }
     }
-    let middle = squares.len() / 2;
-    let median = *squares.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let median = median(&mut squares);
     // Beyond three robust deviations a square counts as one of three: 1.4826² of the median of
     // squares is the variance of a Gaussian.
     let limit = 9.0 * 1.4826_f64.powi(2) * median;

@@ -123,6 +123,133 @@ fn a_few_bad_samples_do_not_bend_the_curve() {
     }
 }
 
+/// In unequal steps, whose pairs show any error of the curve.
+const STEPS: Curve = ("sRGB", srgb, srgb_inverse, UNEQUAL);
+
+/// Its name, what it makes of a code in a frame, and the frames that it fogs.
+type Toe = (&'static str, fn(usize, f64) -> f64, fn(usize) -> bool);
+
+/// Codes as [`photograph`], for which `toe` made the code of a frame of what it would have been.
+fn with_toe(toe: fn(usize, f64) -> f64, seed: u64) -> Vec<u8> {
+    let codes = photograph(STEPS, 3000, 0.01, seed);
+    let count = UNEQUAL.len();
+    let each = codes.iter().enumerate();
+    each.map(|(at, z)| toe(at % count, f64::from(*z)).round() as u8)
+        .collect()
+}
+
+#[test]
+fn toes_that_differ_from_frame_to_frame_are_in_u() {
+    // Fog: by half of the frames more, by one of them alone, and by none.
+    let fog = |z: f64| z + 14.0 * (-z / 14.0).exp();
+    let toes: [Toe; 3] = [
+        (
+            "half",
+            |frame, z| {
+                if frame % 2 == 0 {
+                    z
+                } else {
+                    z + 14.0 * (-z / 14.0).exp()
+                }
+            },
+            |frame| frame % 2 == 1,
+        ),
+        (
+            "one",
+            |frame, z| {
+                if frame == 6 {
+                    z + 14.0 * (-z / 14.0).exp()
+                } else {
+                    z
+                }
+            },
+            |frame| frame == 6,
+        ),
+        ("none", |_, z| z, |_| false),
+    ];
+    let (_, _, decode, exposures) = STEPS;
+    let ln = |z: f64| (decode(z / 255.0) / decode(MIDDLE as f64 / 255.0)).ln();
+    // What a fogged code was before: by bisection.
+    let cleared = |z: f64| {
+        let (mut low, mut high) = (0.0, 255.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if fog(middle) > z {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        low
+    };
+    for (name, toe, fogged) in toes {
+        let (mut held, mut all, mut largest) = (0, 0, 0.0_f64);
+        for seed in 0..4 {
+            let found = recover(&with_toe(toe, seed), &exposures).unwrap();
+            for frame in 0..exposures.len() {
+                // From where fogged codes have light to where fog is a code, which rounding hides.
+                for z in 18..35 {
+                    let truth = ln(if fogged(frame) {
+                        cleared(z as f64)
+                    } else {
+                        z as f64
+                    });
+                    let off = found.ln_exposure[z] - truth;
+                    held += usize::from(off.abs() < 1.96 * found.u[z]);
+                    all += 1;
+                }
+            }
+            largest = found.u[18..35].iter().copied().fold(largest, f64::max);
+        }
+        let share = held as f64 / all as f64;
+        println!("{name}: {share:.3} within 1.96 u, which is at most {largest:.4}");
+        assert!(share > 0.95, "{name}: {share} of truths within 1.96 u");
+        // One curve serves where the frames agree, to what rounding leaves.
+        assert_eq!(name == "none", largest < 0.02, "{name}: u {largest}");
+    }
+}
+
+#[test]
+fn fog_that_hides_light_is_in_u() {
+    // A scanner's black: whatever is darker has codes about 17.
+    let black: fn(usize, f64) -> f64 = |_, z| z.max(17.0);
+    let (_, _, decode, exposures) = STEPS;
+    let codes = with_toe(black, 3);
+    let clear = photograph(STEPS, 3000, 0.01, 3);
+    let found = recover(&codes, &exposures).unwrap();
+    let (mut held, mut all) = (0, 0);
+    let count = exposures.len();
+    for (seen, had) in codes.chunks(count).zip(clear.chunks(count)) {
+        // Of the light of others no frame knows anything.
+        if !had.iter().any(|z| TELLING.contains(z)) {
+            continue;
+        }
+        for (_, had) in seen
+            .iter()
+            .zip(had)
+            .filter(|(z, had)| **z == 17 && **had > 0)
+        {
+            let truth = (decode(f64::from(*had) / 255.0) / decode(MIDDLE as f64 / 255.0)).ln();
+            // Light that was itself read to half a code.
+            let off = (found.ln_exposure[17] - truth).abs() - 0.5 / f64::from(*had);
+            held += usize::from(off < 1.96 * found.u[17]);
+            all += 1;
+        }
+    }
+    println!("{held} of {all} within 1.96 u, which is {}", found.u[17]);
+    assert!(
+        all > 500 && held as f64 > 0.94 * all as f64,
+        "{held} of {all}, u {}",
+        found.u[17]
+    );
+    assert!(
+        found.u[60] < 0.02 && found.u[200] < 0.02,
+        "{} {}",
+        found.u[60],
+        found.u[200]
+    );
+}
+
 #[test]
 fn pixels_that_show_no_curve_are_refused() {
     assert_eq!(recover(&[1, 2], &[1.0]), Err(ResponseError::Exposures(1)));
