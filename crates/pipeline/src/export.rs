@@ -189,14 +189,14 @@ fn limits(shade: &Shade, target: Target) -> Vec<String> {
             if color > CYCLES_CEILING {
                 found.push(format!(
                     "{name}: a colour of {color:.3} is more than Cycles' random walk gives back, which ends near \
-                     {CYCLES_CEILING:.2} (a colour of 0.95 gave 0.897 under an even sky in Blender 4.5): it renders too dark"
+                     {CYCLES_CEILING:.2} (a colour of 0.95 gave 0.897 under an even sky in Blender 4.5): that colour renders too dark"
                 ));
             }
             let brighter = most(|b| b.color / b.total_reflectance);
             if brighter > LEAST_BRIGHTER {
                 found.push(format!(
-                    "{name}: Cycles reflects nothing back inside at the surface, and renders it brighter than it is: under \
-                     an even sky in Blender 4.5 by 5 % where 0.86 of the light comes back, 22 % at 0.54, 40 % at 0.32 and \
+                    "{name}: Cycles reflects nothing back inside at the surface, and renders colours that absorb brighter \
+                     than they are: under an even sky in Blender 4.5 by 5 % where 0.86 of the light comes back, 22 % at 0.54, 40 % at 0.32 and \
                      60 % at 0.13"
                 ));
             }

@@ -407,11 +407,6 @@ fn fits(out: &mut String, report: &Report) {
     let row = |c: &ChannelReport| {
         let fit = c.fit;
         let (start, end) = fit.range_mm;
-        let termination = match fit.termination {
-            Termination::Converged => "converged",
-            Termination::AtBound => "ended at σₐ = 0",
-            Termination::OutOfEvaluations => "stopped early",
-        };
         vec![
             escaped(&c.name()),
             html(&format!(
@@ -421,7 +416,7 @@ fn fits(out: &mut String, report: &Report) {
             )),
             format!("{} of {}", fit.residuals.len(), c.profile.points.len()),
             html(&shown_chi2(fit.reduced_chi2)),
-            html(termination),
+            html(ended(fit.termination)),
             fit.evaluations.to_string(),
         ]
     };
@@ -483,6 +478,15 @@ fn totals(out: &mut String, report: &Report) {
     );
 }
 
+/// How a search ended.
+fn ended(termination: Termination) -> &'static str {
+    match termination {
+        Termination::Converged => "converged",
+        Termination::AtBound => "ended at σₐ = 0",
+        Termination::OutOfEvaluations => "stopped early",
+    }
+}
+
 /// The models side by side.
 fn models_side_by_side(out: &mut String, report: &Report) {
     if report.comparison.iter().all(Vec::is_empty) {
@@ -498,11 +502,6 @@ fn models_side_by_side(out: &mut String, report: &Report) {
                     Some(limit) => at_most(limit),
                     None => uncertain(fit.sigma_a.value, fit.sigma_a.u),
                 };
-                let search = match fit.termination {
-                    Termination::Converged => "converged",
-                    Termination::AtBound => "ended at σₐ = 0",
-                    Termination::OutOfEvaluations => "stopped early",
-                };
                 vec![
                     escaped(model.name),
                     html(&uncertain(fit.sigma_s_prime.value, fit.sigma_s_prime.u)),
@@ -510,7 +509,7 @@ fn models_side_by_side(out: &mut String, report: &Report) {
                     html(&significant(model.total_reflectance, 4)),
                     html(&significant(fit.scale, 4)),
                     html(&shown_chi2(fit.reduced_chi2)),
-                    html(search),
+                    html(ended(fit.termination)),
                 ]
             })
             .collect();
