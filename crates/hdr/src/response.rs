@@ -202,8 +202,8 @@ const ENOUGH: usize = 4 * TOGETHER;
 /// what the curve makes of others of that light and frame beside it is a misfit, in which the
 /// noise of samples has averaged out. It counts where rounding, the rest of that noise and the
 /// misfits among telling codes (exposure times that are a little off) do not explain it: its rms,
-/// and more where 1.96 of it would not hold 95 % of the samples. A ripple that repeats itself with equal steps of exposure fits all
-/// pairs and stays unseen.
+/// and more where 1.96 of it would not hold 95 % of the samples. A ripple that repeats itself with
+/// equal steps of exposure fits all pairs and stays unseen.
 fn misfit(pixels: &[&[u8]], ln_t: &[f64], curve: &[f64]) -> Vec<f64> {
     let telling = |z: &u8| TELLING.contains(z);
     // And what noise and rounding explain of it.

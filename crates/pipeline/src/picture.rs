@@ -221,7 +221,7 @@ mod tests {
             sectors_deg: &[],
             range_mm: (0.5, 2.0),
         };
-        let picture = picture(&seen, 550).unwrap();
+        let picture = picture(&seen, 350).unwrap();
         assert!(picture.any_unmeasured);
         assert_eq!(picture.size_px, [90.0, 60.0]);
         assert!((picture.px_per_mm - 10.0).abs() < 1e-9);
