@@ -10,6 +10,7 @@ pub mod transfer;
 pub mod white;
 
 use crate::error::EstimateError;
+use crate::median::median;
 use physics::Frame;
 use physics::frame::Samples;
 
@@ -42,12 +43,11 @@ fn clipped_moments(values: &mut [f32]) -> Option<(f64, f64, u64)> {
     if values.len() < 2 {
         return None;
     }
-    let middle = values.len() / 2;
-    let median = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let median = median(values, f32::total_cmp);
     let mut distances: Vec<f32> = values.iter().map(|v| (v - median).abs()).collect();
     // 1.4826 median absolute deviations are one standard deviation of a Gaussian. Whole numbers
     // that hardly vary have a deviation of 0, though half of them may lie one step off.
-    let spread = 1.4826 * *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let spread = 1.4826 * self::median(&mut distances, f32::total_cmp);
     let limit = CLIP * spread.max(0.5);
     let (mut n, mut sum, mut square) = (0_u64, 0.0, 0.0);
     for value in values.iter() {

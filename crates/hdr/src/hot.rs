@@ -1,6 +1,7 @@
 //! What is ordinary in a dark frame, and from where on a pixel's dark current stands out.
 
 use crate::dark::DarkFrame;
+use crate::median::median;
 
 /// Standard deviations above the median from which a pixel is hot. Of a million pixels with
 /// Gaussian noise not one gets there.
@@ -48,7 +49,7 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
             dark.copy_mean_to(at..at + 1, &mut level);
             values.extend(level);
         }
-        let median = median(&mut values);
+        let median = median(&mut values, f32::total_cmp);
         let ordinary = HOT * noise(median);
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for value in values.iter().filter(|v| (*v - median).abs() <= ordinary) {
@@ -59,7 +60,7 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
             *value = (*value - median).abs();
         }
         // 1.4826 median absolute deviations are one standard deviation of a Gaussian.
-        let spread = 1.4826 * self::median(&mut values);
+        let spread = 1.4826 * self::median(&mut values, f32::total_cmp);
         Level {
             median,
             mean: sum / count.max(1.0),
@@ -67,11 +68,6 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
         }
     };
     (0..channels).map(of_channel).collect()
-}
-
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 #[cfg(test)]

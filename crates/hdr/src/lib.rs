@@ -25,6 +25,7 @@ pub mod error;
 pub mod estimate;
 mod hot;
 mod lanes;
+mod median;
 pub mod merge;
 pub mod mosaic;
 mod net;

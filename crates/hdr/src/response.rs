@@ -4,6 +4,7 @@
 //! accuracy that no curve brings back: 1 % of the light and more at any one sample, where a
 //! linear file of 16 bits is limited by photons alone.
 
+use crate::median::median;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use physics::Sensor;
 use std::f64::consts::FRAC_PI_2;
@@ -227,10 +228,11 @@ fn misfit(pixels: &[&[u8]], ln_t: &[f64], curve: &[f64]) -> Vec<f64> {
         seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         for group in seen.chunks(TOGETHER) {
             let mut off: Vec<f64> = group.iter().map(|(.., off)| *off).collect();
-            let median = median(&mut off);
+            let median = median(&mut off, f64::total_cmp);
             let mut apart: Vec<f64> = off.iter().map(|off| (off - median).abs()).collect();
             // The median of n Gaussians has pi/2 of the variance of their mean.
-            let own = FRAC_PI_2 * (1.4826 * self::median(&mut apart)).powi(2) / off.len() as f64;
+            let spread = 1.4826 * self::median(&mut apart, f64::total_cmp);
+            let own = FRAC_PI_2 * spread.powi(2) / off.len() as f64;
             for (_, code, _) in group {
                 let (lower, upper) = (code - 1, (code + 1).min(CODES - 1));
                 let step = (curve[upper] - curve[lower]) / (upper - lower) as f64;
@@ -273,12 +275,6 @@ fn misfit(pixels: &[&[u8]], ln_t: &[f64], curve: &[f64]) -> Vec<f64> {
         }
     };
     (0..CODES).map(misfit).collect()
-}
-
-/// The upper median of some values.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Ways that are kept of the curve's covariance.
@@ -343,7 +339,7 @@ impl Response {
             1.0
         } else {
             // The median of a squared Gaussian is 0.4549 of its variance.
-            median(&mut squares) / 0.454_9
+            median(&mut squares, f64::total_cmp) / 0.454_9
         };
         let gain_e_per_dn = 1.0 / per_count.max(1e-6);
         let step = counts[2] - counts[1];
@@ -502,7 +498,7 @@ fn residual_variance(pixels: &[&[u8]], ln_t: &[f64], curve: &DVector<f64>, freed
             }
         }
     }
-    let median = median(&mut squares);
+    let median = median(&mut squares, f64::total_cmp);
     // Beyond three robust deviations a square counts as one of three: 1.4826² of the median of
     // squares is the variance of a Gaussian.
     let limit = 9.0 * 1.4826_f64.powi(2) * median;

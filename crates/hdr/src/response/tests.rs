@@ -138,30 +138,26 @@ fn with_toe(toe: fn(usize, f64) -> f64, seed: u64) -> Vec<u8> {
         .collect()
 }
 
+/// What the fog of a film makes of a code.
+fn fog(z: f64) -> f64 {
+    z + 14.0 * (-z / 14.0).exp()
+}
+
 #[test]
 fn toes_that_differ_from_frame_to_frame_are_in_u() {
-    // Fog: by half of the frames more, by one of them alone, and by none.
-    let fog = |z: f64| z + 14.0 * (-z / 14.0).exp();
+    // By half of the frames, by one of them alone, and by none.
     let toes: [Toe; 3] = [
         (
             "half",
             |frame, z| {
-                if frame % 2 == 0 {
-                    z
-                } else {
-                    z + 14.0 * (-z / 14.0).exp()
-                }
+                if frame % 2 == 0 { z } else { fog(z) }
             },
             |frame| frame % 2 == 1,
         ),
         (
             "one",
             |frame, z| {
-                if frame == 6 {
-                    z + 14.0 * (-z / 14.0).exp()
-                } else {
-                    z
-                }
+                if frame == 6 { fog(z) } else { z }
             },
             |frame| frame == 6,
         ),
