@@ -134,7 +134,6 @@ for (const svg of document.querySelectorAll("figure svg.figure")) {
     return [low, low + size];
   };
   const zoom = (factor, at) => {
-    const before = [left, right];
     [left, right] = narrowed(left, right, factor, at ? at.across : (left + right) / 2);
     for (const panel of panels) {
       if (at ? at.panel === panel : true) {
