@@ -12,7 +12,7 @@ use crate::Vec3;
 use crate::bssrdf::{Bssrdf, Diffusion, Local, square_of_distance};
 use crate::method::{Method, Picture, Planes};
 use crate::scene::{Scene, SceneError};
-use crate::surface::{Point, Shader, arrives, picture};
+use crate::surface::{Grain, Point, Shader, arrives, picture};
 use palette::Palette;
 use physics::random::{Stream, stream};
 use physics::{Medium, fresnel};
@@ -195,6 +195,7 @@ pub struct PointCloud<'a> {
     gather: Gather,
     seed: u64,
     planes: Planes,
+    grain: Grain,
     solids: Vec<Solid>,
 }
 
@@ -274,6 +275,7 @@ impl<'a> PointCloud<'a> {
                 channels: scene.channels.len(),
                 components,
             },
+            grain: Grain::default(),
         })
     }
 
@@ -425,10 +427,14 @@ impl Method for PointCloud<'_> {
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
         let cloud = self.cloud(index);
-        (
-            picture(self.scene, &cloud, self.seed, self.planes, index),
-            vec![],
-        )
+        let Self {
+            scene,
+            seed,
+            planes,
+            ref grain,
+            ..
+        } = *self;
+        (picture(scene, &cloud, seed, planes, index, grain), vec![])
     }
 }
 

@@ -11,6 +11,8 @@ use crate::method::{Method, Picture, Planes};
 use crate::scene::{Object, Scene};
 use crate::shape::Hit;
 use physics::random::{Stream, stream, uniform};
+use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// A point of a surface as a model sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,15 +92,21 @@ pub struct Shaded<'a, S> {
     shader: S,
     seed: u64,
     planes: Planes,
+    grain: Grain,
 }
 
 /// Mirrors that a ray of the camera may meet before it is given up.
 const MIRRORS: usize = 8;
 
-/// Rays of a pixel in a round that look for lamps and their mirror images, whose edges are sharp and
-/// bright; one in each part of its square, which has so many along a side.
+/// Rays of a pixel in a round that may be shaded, one in each quarter of its square.
 const SIDE: u32 = 2;
 const RAYS: u32 = SIDE * SIDE;
+
+/// Along a side, rays of a quarter that look for lamps and their mirror images where these, whose
+/// edges are sharp and bright, or edges of solids are in the pixel or beside it.
+const FINE: u32 = 4;
+/// Light of a lamp is alike in the corners of a pixel if it differs by no more than this share.
+const ALIKE: f64 = 0.1;
 
 impl<'a, S: Shader> Shaded<'a, S> {
     /// Pictures of `scene` by `shader`.
@@ -112,6 +120,7 @@ impl<'a, S: Shader> Shaded<'a, S> {
                 channels,
                 components,
             },
+            grain: Grain::default(),
         }
     }
 
@@ -131,9 +140,120 @@ impl<S: Shader> Method for Shaded<'_, S> {
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let radiance = picture(self.scene, &self.shader, self.seed, self.planes, index);
-        (radiance, vec![])
+        let Self {
+            scene,
+            ref shader,
+            seed,
+            planes,
+            ref grain,
+        } = *self;
+        (picture(scene, shader, seed, planes, index, grain), vec![])
     }
+}
+
+/// How finely the pixels of a scene are looked at, once it is known.
+///
+/// It depends on the scene alone, and on no ray that a picture is made of: a picture that sent more
+/// rays where the first of them differed would be biased.
+#[derive(Debug, Default)]
+pub(crate) struct Grain(OnceLock<Vec<bool>>);
+
+impl Grain {
+    /// Rays along the side of a quarter of a pixel.
+    fn of(&self, scene: &Scene, pixel: usize) -> u32 {
+        let fine = self.0.get_or_init(|| fine(scene));
+        if fine[pixel] { FINE } else { 1 }
+    }
+}
+
+/// Whether the corners of each pixel, or of one beside it, show different things.
+fn fine(scene: &Scene) -> Vec<bool> {
+    let [width, height] = scene.camera.size();
+    let all = vec![true; scene.lamps.len()];
+    // Which solids a ray meets one after the other and whether it ends at a lamp, and the light there.
+    let seen = |x: usize, y: usize| {
+        let mut weight = vec![1.0; scene.channels.len()];
+        let mut met = vec![];
+        let ray = scene.camera.ray(x as f64, y as f64);
+        let lit = follow(scene, ray, &all, &mut weight, |_, point, _, _| {
+            met.push(point.object);
+        });
+        (met, lit.then(|| weight.iter().sum::<f64>()))
+    };
+    let corners: Vec<_> = (0..(width + 1) * (height + 1))
+        .into_par_iter()
+        .map(|k| seen(k % (width + 1), k / (width + 1)))
+        .collect();
+    let differ = |x: usize, y: usize| {
+        let at = |dx, dy| &corners[(y + dy) * (width + 1) + x + dx];
+        let (met, light) = at(0, 0);
+        [at(0, 1), at(1, 0), at(1, 1)].iter().any(|(m, l)| {
+            let alike = match (light, l) {
+                (Some(a), Some(b)) => (a - b).abs() <= ALIKE * a.max(*b),
+                (None, None) => true,
+                _ => false,
+            };
+            m != met || !alike
+        })
+    };
+    let differ: Vec<bool> = (0..width * height)
+        .map(|pixel| differ(pixel % width, pixel / width))
+        .collect();
+    // What is thinner than a pixel may lie between the corners of the one beside.
+    let around = |k: usize, most: usize| k.saturating_sub(1)..(k + 2).min(most);
+    (0..width * height)
+        .map(|pixel| {
+            let mut rows = around(pixel / width, height);
+            rows.any(|y| around(pixel % width, width).any(|x| differ[y * width + x]))
+        })
+        .collect()
+}
+
+/// Follows a ray of the camera from mirror to mirror and shows `meet` each point of a solid: how many
+/// mirrors were before it, the point, the direction of the ray and `weight`, what those mirrors have
+/// left of the light of each channel. Returns whether there is a lamp at the end; then `weight` is the
+/// radiance that comes from there.
+fn follow(
+    scene: &Scene,
+    (mut origin, mut direction): (Vec3, Vec3),
+    all: &[bool],
+    weight: &mut [f64],
+    mut meet: impl FnMut(usize, &Point, Vec3, &[f64]),
+) -> bool {
+    weight.fill(1.0);
+    for mirrors in 0..MIRRORS {
+        let entered = scene.enter(origin, direction);
+        let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
+        let lit = |channel| scene.lit(channel, origin, direction, within, all);
+        if lit(0).is_some() {
+            for (channel, weight) in weight.iter_mut().enumerate() {
+                *weight *= lit(channel).unwrap_or(0.0);
+            }
+            return true;
+        }
+        let Some((object, hit)) = entered else {
+            return false;
+        };
+        let at = origin + hit.distance * direction;
+        let mut point = Point::new(scene, object, at, &hit);
+        if point.normal.dot(direction) >= -1e-3 {
+            // Shading may not show a point from behind.
+            point.normal = point.true_normal;
+        }
+        meet(mirrors, &point, direction, weight);
+        let first = scene.eta(object, 0);
+        let mirrored = part(direction, point.normal, first).reflected;
+        for (channel, weight) in weight.iter_mut().enumerate() {
+            let eta = scene.eta(object, channel);
+            *weight *= part(direction, point.normal, eta).reflectance;
+        }
+        if mirrored.dot(point.true_normal) <= 0.0 {
+            return false;
+        }
+        origin = at;
+        direction = mirrored;
+    }
+    false
 }
 
 /// The round `index` of a picture, in each plane.
@@ -143,6 +263,7 @@ pub(crate) fn picture(
     seed: u64,
     planes: Planes,
     index: u64,
+    grain: &Grain,
 ) -> Vec<f64> {
     let pixels = scene.pixels();
     let [width, _] = scene.camera.size();
@@ -153,44 +274,33 @@ pub(crate) fn picture(
     let mut weight = vec![1.0; channels];
     for pixel in 0..pixels {
         let mut rng = stream(seed, &[4, index, pixel as u64]);
-        for ray in 0..RAYS {
-            let [x, y] = [ray % SIDE, ray / SIDE]
-                .map(|part| (f64::from(part) + uniform(&mut rng)) / f64::from(SIDE));
-            let (x, y) = ((pixel % width) as f64 + x, (pixel / width) as f64 + y);
-            let (mut origin, mut direction) = scene.camera.ray(x, y);
-            // What the mirrors so far have left of the light, in each channel.
-            weight.fill(1.0);
-            let mut add = |channel: usize, order: u32, value: f64| {
-                picture[planes.of(channel, order) * pixels + pixel] += value;
-            };
-            for mirrors in 0..MIRRORS {
-                let entered = scene.enter(origin, direction);
-                let within = entered.map_or(f64::INFINITY, |(_, hit)| hit.distance);
-                let lit = |channel| scene.lit(channel, origin, direction, within, &all);
-                if lit(0).is_some() {
-                    for (channel, weight) in weight.iter().enumerate() {
-                        let radiance = weight * lit(channel).unwrap_or(0.0);
-                        add(channel, 0, radiance / f64::from(RAYS));
+        let mut add = |channel: usize, order: u32, value: f64| {
+            picture[planes.of(channel, order) * pixels + pixel] += value;
+        };
+        let parts = grain.of(scene, pixel);
+        let pick = |of: u32, rng: &mut Stream| (uniform(rng) * f64::from(of)) as u32;
+        let turn = pick(RAYS, &mut rng);
+        for quarter in 0..RAYS {
+            // All places of a quarter are shaded alike often, and all quarters.
+            let chosen = pick(parts * parts, &mut rng);
+            let rank = (quarter + turn) % RAYS;
+            for ray in 0..parts * parts {
+                let within = [ray % parts, ray / parts]
+                    .map(|part| (f64::from(part) + uniform(&mut rng)) / f64::from(parts));
+                let x = (f64::from(quarter % SIDE) + within[0]) / f64::from(SIDE);
+                let y = (f64::from(quarter / SIDE) + within[1]) / f64::from(SIDE);
+                let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
+                let shade = |mirrors: usize, point: &Point, direction: Vec3, weight: &[f64]| {
+                    // What little a mirror adds is worth no more than one.
+                    let shaded = if mirrors == 0 { shader.shaded() } else { 1 };
+                    if ray != chosen || rank >= shaded {
+                        return;
                     }
-                    break;
-                }
-                let Some((object, hit)) = entered else {
-                    break;
-                };
-                let at = origin + hit.distance * direction;
-                let mut point = Point::new(scene, object, at, &hit);
-                if point.normal.dot(direction) >= -1e-3 {
-                    // Shading may not show a point from behind.
-                    point.normal = point.true_normal;
-                }
-                // What little a mirror adds is worth no more than one.
-                let shaded = if mirrors == 0 { shader.shaded() } else { 1 };
-                if ray < shaded {
                     single.fill(0.0);
                     diffuse.fill(0.0);
                     shader.shade(
                         scene,
-                        &point,
+                        point,
                         -direction,
                         &mut rng,
                         &mut single,
@@ -201,18 +311,13 @@ pub(crate) fn picture(
                         add(channel, 1, weight * single[channel]);
                         add(channel, 2, weight * diffuse[channel]);
                     }
+                };
+                let of_camera = scene.camera.ray(column + x, row + y);
+                if follow(scene, of_camera, &all, &mut weight, shade) {
+                    for (channel, radiance) in weight.iter().enumerate() {
+                        add(channel, 0, radiance / f64::from(RAYS * parts * parts));
+                    }
                 }
-                let first = scene.eta(object, 0);
-                let mirrored = part(direction, point.normal, first).reflected;
-                for (channel, weight) in weight.iter_mut().enumerate() {
-                    let eta = scene.eta(object, channel);
-                    *weight *= part(direction, point.normal, eta).reflectance;
-                }
-                if mirrored.dot(point.true_normal) <= 0.0 {
-                    break;
-                }
-                origin = at;
-                direction = mirrored;
             }
         }
     }
