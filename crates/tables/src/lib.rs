@@ -15,7 +15,7 @@ pub mod merge;
 
 pub use check::{Fault, Finding, Rounding, check};
 pub use derived::{Derived, albedo_without_surface, derived};
-pub use merge::{Conflict, Place, merge};
+pub use merge::{Conflict, Place, keep_all, merge};
 
 use physics::DiffuseFresnel;
 

@@ -73,6 +73,19 @@ pub fn merge(tables: &[Vec<Material>]) -> Result<Vec<Material>, Conflict> {
         .collect())
 }
 
+/// All rows in the order given, several for one channel of one material among them; each says in its
+/// source which of `names`, one a table, it is from.
+pub fn keep_all(tables: Vec<Vec<Material>>, names: &[String]) -> Vec<Material> {
+    let tagged = |(rows, name): (Vec<Material>, &String)| -> Vec<Material> {
+        let tag = |row: Material| Material {
+            source: format!("{}, {name}", row.source),
+            ..row
+        };
+        rows.into_iter().map(tag).collect()
+    };
+    tables.into_iter().zip(names).flat_map(tagged).collect()
+}
+
 fn same_numbers(a: &Material, b: &Material) -> bool {
     Material {
         source: String::new(),
@@ -143,5 +156,19 @@ mod tests {
         let mut uncertain = row("milk", "R", 0.1);
         uncertain.u_sigma_a_per_mm = Some(0.01);
         assert!(merge(&[vec![row("milk", "R", 0.1), uncertain]]).is_err());
+    }
+
+    #[test]
+    fn all_are_kept_and_say_where_they_are_from() {
+        let tables = vec![
+            vec![row("milk", "R", 0.1), row("milk", "G", 0.2)],
+            vec![row("milk", "R", 0.3)],
+        ];
+        let kept = keep_all(tables.clone(), &["monday".into(), "tuesday".into()]);
+        let sources: Vec<&str> = kept.iter().map(|row| row.source.as_str()).collect();
+        let own = &tables[0][0].source;
+        let from = |day: &str| format!("{own}, {day}");
+        assert_eq!(sources, [from("monday"), from("monday"), from("tuesday")]);
+        assert_eq!(kept[2].medium.sigma_a, 0.3);
     }
 }

@@ -50,16 +50,14 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
                 .iter()
                 .map(|f| read_table(f, None))
                 .collect::<Result<Vec<_>>>()?;
+            let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
             let merged = if *keep_all {
-                all(read, files)
+                tables::keep_all(read, &names)
             } else {
                 tables::merge(&read).map_err(|conflict| {
-                    let name = |table: usize| files[table].display().to_string();
-                    let place = format!(
-                        "{} and {}",
-                        name(conflict.first.table),
-                        name(conflict.second.table)
-                    );
+                    let [first, second] =
+                        [conflict.first, conflict.second].map(|c| &names[c.table]);
+                    let place = format!("{first} and {second}");
                     let message = format!("{place}: {conflict}, or keep both with --keep-all");
                     Error::new(Kind::Input, message)
                 })?
@@ -73,18 +71,6 @@ pub(crate) fn run(command: &TableCommand, common: Common, out: &mut impl Write) 
         }
         TableCommand::Check { files, unit } => check(files, unit.scene_unit_mm, common, out),
     }
-}
-
-/// Every row, which says what file it is from.
-fn all(tables: Vec<Vec<Material>>, files: &[PathBuf]) -> Vec<Material> {
-    let mut rows = vec![];
-    for (table, file) in tables.into_iter().zip(files) {
-        rows.extend(table.into_iter().map(|mut row| {
-            row.source = format!("{}, {}", row.source, file.display());
-            row
-        }));
-    }
-    rows
 }
 
 #[derive(Serialize)]
