@@ -26,7 +26,9 @@
 //! | [`point_cloud`] | the method `point-cloud` |
 //! | [`texture`] | coefficients that vary over a surface |
 //! | [`film`] | pictures with a standard error in every pixel |
+//! | [`blocks`] | what that error leaves out: noise that neighbouring pixels share |
 
+pub mod blocks;
 pub mod boundary;
 pub mod brdf;
 pub mod bssrdf;
@@ -48,6 +50,7 @@ pub mod surface;
 pub mod texture;
 pub mod walk;
 
+pub use blocks::{Blocks, SharedNoise};
 pub use brdf::{Brdf, Kind};
 pub use bssrdf::Bssrdf;
 pub use camera::{Camera, View};

@@ -1,5 +1,6 @@
 //! What all methods have in common: rounds of equal effort, added up.
 
+use crate::blocks::Blocks;
 use crate::film::Film;
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -17,15 +18,30 @@ pub struct Picture {
     /// Powers of light that was followed from its lamp, as a [`crate::Ledger`] has them; of other
     /// methods none.
     pub powers: Film,
+    /// How the noise of neighbours belongs together.
+    pub blocks: Blocks,
 }
 
 impl Picture {
-    /// No light yet, and none of it followed from its lamp.
-    pub(crate) fn empty(planes: Planes, scene: &Scene) -> Self {
+    /// No light yet; `powers` says how many numbers are known of light that is followed from its
+    /// lamp.
+    pub(crate) fn empty(planes: Planes, scene: &Scene, powers: usize) -> Self {
         Self {
             radiance: Film::new(planes.len() * scene.pixels()),
-            powers: Film::new(0),
+            powers: Film::new(powers),
+            blocks: Blocks::new(scene.camera.size(), planes.len()),
         }
+    }
+
+    /// Adds one round.
+    ///
+    /// # Panics
+    ///
+    /// If it is one of another picture.
+    pub fn add(&mut self, radiance: &[f64], powers: &[f64]) {
+        self.radiance.add(radiance);
+        self.powers.add(powers);
+        self.blocks.add(radiance);
     }
 }
 
@@ -85,8 +101,7 @@ pub trait Method: Sync {
                 .map(|index| self.round(index))
                 .collect();
             for (radiance, powers) in rounds {
-                picture.radiance.add(&radiance);
-                picture.powers.add(&powers);
+                picture.add(&radiance, &powers);
                 if after(picture).is_break() {
                     return;
                 }

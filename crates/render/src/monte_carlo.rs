@@ -5,7 +5,6 @@
 //! curved solids, are found from the camera. What the lamps of the first kind show without any
 //! scattering (their mirror images) is found from the camera as well.
 
-use crate::film::Film;
 use crate::guide::Guide;
 use crate::light::Light;
 use crate::method::{Method, Picture, Planes};
@@ -121,10 +120,7 @@ impl Method for MonteCarlo<'_> {
     }
 
     fn empty(&self) -> Picture {
-        Picture {
-            radiance: Film::new(self.planes().len() * self.scene.pixels()),
-            powers: Film::new(self.ledger.len()),
-        }
+        Picture::empty(self.planes(), self.scene, self.ledger.len())
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {

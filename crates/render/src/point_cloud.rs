@@ -422,7 +422,7 @@ impl Method for PointCloud<'_> {
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene)
+        Picture::empty(self.planes, self.scene, 0)
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {

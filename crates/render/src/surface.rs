@@ -136,7 +136,7 @@ impl<S: Shader> Method for Shaded<'_, S> {
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene)
+        Picture::empty(self.planes, self.scene, 0)
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {

@@ -6,7 +6,8 @@ use crate::error::{Blame, Error, Kind, Result};
 use crate::files::{Outputs, open, split};
 use crate::fit_json::SCHEMA_VERSION;
 use formats::{encode_png, read_radiance};
-use physics::{Frame, RadianceMap};
+use physics::{ChannelMap, Frame, RadianceMap};
+use render::SharedNoise;
 use report::{Chart, chart_svg};
 use serde::Serialize;
 use std::io::Write;
@@ -48,7 +49,8 @@ pub struct RingDifference {
     pub radius_mm: Option<[f64; 2]>,
     /// Means of the first and the second.
     pub mean: [f64; 2],
-    /// Difference over its standard error, where the pictures have some.
+    /// Difference over its standard error, where the pictures have some: with what neighbouring
+    /// pixels share, if that stands in the `NAME.json` beside the pictures.
     pub z: Option<f64>,
 }
 
@@ -104,6 +106,7 @@ fn center(map: &RadianceMap) -> [f64; 2] {
 fn rings(
     a: &RadianceMap,
     b: &RadianceMap,
+    shared: &[Vec<SharedNoise>; 2],
     center: [f64; 2],
     mm_per_pixel: Option<f64>,
 ) -> Vec<RingDifference> {
@@ -125,18 +128,24 @@ fn rings(
         (place as usize).min(RINGS - 1)
     };
     let mut found = vec![];
-    for (a, b) in a.channels.iter().zip(&b.channels) {
-        // Pixels, first, second, variance of their difference.
-        let mut sums = [[0.0; 4]; RINGS];
+    for (channel, (a, b)) in a.channels.iter().zip(&b.channels).enumerate() {
+        // Pixels, first, second, variances of both.
+        let mut sums = [[0.0; 5]; RINGS];
         for i in 0..b.value.len() {
             let sum = &mut sums[ring_of(i)];
             sum[0] += 1.0;
             sum[1] += f64::from(a.value[i]);
             sum[2] += f64::from(b.value[i]);
-            sum[3] += f64::from(a.variance[i]) + f64::from(b.variance[i]);
+            sum[3] += f64::from(a.variance[i]);
+            sum[4] += f64::from(b.variance[i]);
         }
-        for (k, [n, first, second, variance]) in sums.into_iter().enumerate() {
+        for (k, [n, first, second, alone @ ..]) in sums.into_iter().enumerate() {
             if n > 0.0 {
+                let factor = |noise: &Vec<SharedNoise>| {
+                    let of_channel = noise.get(channel);
+                    of_channel.map_or(1.0, |noise| noise.factor(n))
+                };
+                let variance = alone[0] * factor(&shared[0]) + alone[1] * factor(&shared[1]);
                 let radius_px = [edge(k), edge(k + 1)];
                 found.push(RingDifference {
                     channel: a.name.clone(),
@@ -151,12 +160,37 @@ fn rings(
     found
 }
 
+/// The `NAME.json` beside a picture: nothing where it was made by another program, or a camera.
+fn beside_picture(path: &Path) -> serde_json::Value {
+    let text = std::fs::read_to_string(path.with_extension("json")).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or_default()
+}
+
+/// What neighbours share in each channel of a picture.
+fn shared_noise(all: &serde_json::Value, map: &RadianceMap) -> Vec<SharedNoise> {
+    let numbers = |list: &serde_json::Value| -> Vec<f64> {
+        let list = list.as_array().map_or(&[][..], Vec::as_slice);
+        list.iter().filter_map(serde_json::Value::as_f64).collect()
+    };
+    let lines = all["shared_noise"].as_array();
+    let of_channel = |channel: &ChannelMap| {
+        let own = |line: &&serde_json::Value| line["channel"] == channel.name.as_str();
+        let line = lines.and_then(|all| all.iter().find(own));
+        let factors = line.map_or_else(Vec::new, |line| {
+            let pixels = numbers(&line["pixels"]);
+            pixels
+                .into_iter()
+                .zip(numbers(&line["variance_factor"]))
+                .collect()
+        });
+        SharedNoise { factors }
+    };
+    map.channels.iter().map(of_channel).collect()
+}
+
 /// Powers through faces that both pictures have beside them.
-fn faces(a: &Path, b: &Path) -> Vec<FaceDifference> {
-    let read = |path: &Path| -> Vec<(String, f64, f64)> {
-        // A picture of another program, or of a camera, has nothing beside it.
-        let text = std::fs::read_to_string(path.with_extension("json")).unwrap_or_default();
-        let all: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+fn faces([a, b]: &[serde_json::Value; 2]) -> Vec<FaceDifference> {
+    let read = |all: &serde_json::Value| -> Vec<(String, f64, f64)> {
         let lines = all["faces"].as_array().cloned().unwrap_or_default();
         let line = |line: &serde_json::Value| {
             let name = |key: &str| line[key].as_str();
@@ -337,6 +371,11 @@ pub fn compare_pictures(
 ) -> Result<(PictureDifference, Option<Drawn>)> {
     let ([first, second], mm_per_pixel) = read_pictures(a, b)?;
     let center_px = center(&second);
+    let beside = [a, b].map(beside_picture);
+    let shared = [
+        shared_noise(&beside[0], &first),
+        shared_noise(&beside[1], &second),
+    ];
     let shown = matches!(first.channels.len(), 1 | 3);
     let flip = shown.then(|| flip(&first, &second));
     let found = PictureDifference {
@@ -344,8 +383,8 @@ pub fn compare_pictures(
         channels: differences(&first, &second),
         flip: flip.as_ref().map(|(mean, _)| *mean),
         center_px,
-        rings: rings(&first, &second, center_px, mm_per_pixel),
-        faces: faces(a, b),
+        rings: rings(&first, &second, &shared, center_px, mm_per_pixel),
+        faces: faces(&beside),
     };
     let Some(picture) = picture else {
         return Ok((found, None));
@@ -382,7 +421,7 @@ pub fn compare_pictures(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use physics::ChannelMap;
+    use serde_json::json;
 
     fn map(value: impl Fn(usize) -> f32) -> RadianceMap {
         RadianceMap {
@@ -404,7 +443,7 @@ mod tests {
         let b = map(spot);
         assert_eq!(center(&b), [5.5, 3.5]);
         let a = map(|i| spot(i) + if i == 8 * 5 + 7 { 0.5 } else { 0.0 });
-        let found = rings(&a, &b, [5.5, 3.5], Some(0.1));
+        let found = rings(&a, &b, &[vec![], vec![]], [5.5, 3.5], Some(0.1));
         let off: Vec<_> = found.iter().filter(|r| r.mean[0] != r.mean[1]).collect();
         let [ring] = off[..] else { panic!("{found:?}") };
         // √(2² + 2²) pixels away, which is no last ring.
@@ -413,6 +452,16 @@ mod tests {
         let z = 0.5 / (pixels * 0.02).sqrt();
         assert!((ring.z.unwrap() / z - 1.0).abs() < 1e-3, "{ring:?}");
         assert!((ring.radius_mm.unwrap()[1] - 0.1 * ring.radius_px[1]).abs() < 1e-12);
+        // Where neighbours of the first share noise, its sum is known less well.
+        let line = json!({"channel": "Y", "pixels": [1.0, 64.0], "variance_factor": [7.0, 7.0]});
+        let beside = json!({ "shared_noise": [line] });
+        let shared = [&beside, &json!(null)].map(|beside| shared_noise(beside, &a));
+        let found = rings(&a, &b, &shared, [5.5, 3.5], Some(0.1));
+        let less = found.iter().find(|r| r.mean[0] != r.mean[1]).unwrap();
+        assert!(
+            (ring.z.unwrap() / less.z.unwrap() - 2.0).abs() < 1e-6,
+            "{less:?}"
+        );
     }
 
     #[test]

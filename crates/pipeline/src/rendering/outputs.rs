@@ -7,7 +7,7 @@ use crate::fit_json::SCHEMA_VERSION;
 use formats::{RadianceFile, encode_png, write_radiance};
 use physics::{ChannelMap, Frame, RadianceMap};
 use render::method::COMPONENTS;
-use render::{Entry, Film, Gather, Ledger, Picture, Scene};
+use render::{Blocks, Entry, Film, Gather, Ledger, Picture, Scene};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -48,6 +48,17 @@ pub struct RingLine {
     pub exitance_per_mm2: Number,
 }
 
+/// Noise that neighbouring pixels of one plane share.
+#[derive(Clone, Debug, Serialize)]
+pub struct SharedLine {
+    /// Name of the plane: a channel, or component and channel.
+    pub channel: String,
+    /// So many pixels ...
+    pub pixels: Vec<f64>,
+    /// ... have a sum whose variance is that of its pixels times this.
+    pub variance_factor: Vec<f64>,
+}
+
 /// `image.json`: what was made and how.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
@@ -60,6 +71,8 @@ pub struct Outcome {
     pub rounds: u64,
     /// Rms of the standard errors of all pixels over the mean pixel.
     pub relative_error: f64,
+    /// What that leaves out: noise that neighbouring pixels share.
+    pub shared_noise: Vec<SharedLine>,
     /// What the PNG shows: radiance times this, through the sRGB curve.
     pub png_exposure: f64,
     /// Powers of light that was followed from its lamp, by face.
@@ -85,7 +98,7 @@ pub struct PictureFiles {
     goes_on: bool,
 }
 
-const MAGIC: &[u8; 16] = b"beamspot render1";
+const MAGIC: &[u8; 16] = b"beamspot render2";
 
 impl PictureFiles {
     /// Beside `path`, whose ending is `.exr`. With `resume` they may exist.
@@ -150,27 +163,31 @@ impl PictureFiles {
         if take(32).ok_or_else(damaged)? != identity(loaded, options).as_bytes() {
             return Err(other("belongs to another scene, method or seed"));
         }
-        let mut films = vec![];
-        for _ in 0..2 {
+        let mut film = || {
             let mut word = || {
                 let bytes: [u8; 8] = take(8)?.try_into().ok()?;
                 Some(u64::from_le_bytes(bytes))
             };
-            let rounds = word().ok_or_else(damaged)?;
-            let count = word().ok_or_else(damaged)?;
+            let (rounds, count) = (word()?, word()?);
             let mut sums = vec![];
             for _ in 0..count {
-                let pair = [word(), word()].map(|w| w.map(f64::from_bits));
-                let [Some(sum), Some(square)] = pair else {
-                    return Err(damaged());
-                };
-                sums.push([sum, square]);
+                sums.push([f64::from_bits(word()?), f64::from_bits(word()?)]);
             }
-            films.push(Film::restore(rounds, sums));
+            Some(Film::restore(rounds, sums))
+        };
+        let mut picture = Picture {
+            radiance: film().ok_or_else(damaged)?,
+            powers: film().ok_or_else(damaged)?,
+            blocks: blocks(loaded, options),
+        };
+        for of_side in picture.blocks.films_mut() {
+            let read = film().ok_or_else(damaged)?;
+            if read.len() != of_side.len() {
+                return Err(damaged());
+            }
+            *of_side = read;
         }
-        let powers = films.pop().ok_or_else(damaged)?;
-        let radiance = films.pop().ok_or_else(damaged)?;
-        Ok(Some(Picture { radiance, powers }))
+        Ok(Some(picture))
     }
 
     /// Writes everything and moves it into place.
@@ -196,7 +213,8 @@ impl PictureFiles {
         files.write(state, |out| {
             out.write_all(MAGIC)?;
             out.write_all(identity(loaded, options).as_bytes())?;
-            for film in [&picture.radiance, &picture.powers] {
+            let films = [&picture.radiance, &picture.powers];
+            for film in films.into_iter().chain(picture.blocks.films()) {
                 let (rounds, sums) = film.state();
                 out.write_all(&rounds.to_le_bytes())?;
                 out.write_all(&(sums.len() as u64).to_le_bytes())?;
@@ -214,6 +232,26 @@ impl PictureFiles {
         files.commit()?;
         Ok(outcome)
     }
+}
+
+/// Sums over blocks of a picture without light.
+fn blocks(loaded: &Loaded, options: &RenderOptions) -> Blocks {
+    Blocks::new(loaded.scene.camera.size(), planes(loaded, options).len())
+}
+
+/// What neighbouring pixels share, plane by plane.
+fn shared_noise(loaded: &Loaded, options: &RenderOptions, picture: &Picture) -> Vec<SharedLine> {
+    let line = |(plane, channel): (usize, String)| {
+        let shared = picture.blocks.shared_noise(&picture.radiance, plane);
+        let (pixels, variance_factor) = shared.factors.into_iter().unzip();
+        SharedLine {
+            channel,
+            pixels,
+            variance_factor,
+        }
+    };
+    let planes = planes(loaded, options).into_iter().enumerate();
+    planes.map(line).collect()
 }
 
 /// What to look for where a picture shows nothing.
@@ -434,6 +472,7 @@ fn outcome(
         seed: options.seed,
         rounds: picture.radiance.rounds(),
         relative_error: picture.radiance.relative_error(),
+        shared_noise: shared_noise(loaded, options, picture),
         png_exposure,
         faces,
         rings,

@@ -152,10 +152,11 @@ pub fn validate(
             difference: None,
             flip: None,
             faces: face_table(loaded, &line.faces),
-            lines: vec![format!(
-                "noise {} %",
-                significant(100.0 * line.relative_error, 3)
-            )],
+            lines: vec![if line.relative_error.is_finite() {
+                format!("noise {} %", significant(100.0 * line.relative_error, 3))
+            } else {
+                "noise not known from one round".to_owned()
+            }],
         };
         match &truth {
             Some(truth) => {
