@@ -15,6 +15,7 @@ mod undeveloped;
 
 pub use self::png::{encode_indexed_png, encode_png};
 pub use self::tiff::encode_tiff;
+pub use self::undeveloped::PackedDng;
 
 use physics::{Counts, Frame, Mosaic, Samples};
 use thiserror::Error;
@@ -57,9 +58,31 @@ pub struct Decoded {
     pub curve: bool,
     /// The compression, where it has changed the samples.
     pub loss: Option<&'static str>,
+    /// The largest step between two counts that the file can hold beside each other, DN: 1 but
+    /// for those of a table.
+    pub step_dn: u16,
+    /// Width of a pixel over its height, as the file states it.
+    pub pixel_aspect: f64,
+    /// Column and row of the first pixel in the whole of which the file says it is a part.
+    pub origin: [i32; 2],
 }
 
 impl Decoded {
+    /// A frame of whose file there is nothing more to say.
+    pub fn plain(frame: Frame, depth: Depth) -> Self {
+        Self {
+            frame,
+            depth,
+            mosaic: None,
+            white_level_dn: None,
+            curve: false,
+            loss: None,
+            step_dn: 1,
+            pixel_aspect: 1.0,
+            origin: [0; 2],
+        }
+    }
+
     /// The frame, if its counts are in proportion to light as far as one can tell.
     ///
     /// Files of 8 bits almost never are, unless someone states it: `stated_linear`.
@@ -307,8 +330,40 @@ pub enum Oddity {
     )]
     RowOrder,
     /// The part that light falls on does not lie inside the picture.
-    #[error("ActiveArea lies outside of the picture: the file is damaged")]
+    #[error(
+        "ActiveArea is no part of the picture (top, left, bottom, right): the file is damaged: copy it anew"
+    )]
     ActiveArea,
+    /// A table of counts that cannot be used.
+    #[error(
+        "LinearizationTable is no list of 1 to 65536 counts below 65536 for samples of whole numbers: the file is damaged: copy it anew, or convert it to DNG once more"
+    )]
+    Table,
+    /// A DNG without a picture as the sensor counted it.
+    #[error(
+        "the DNG holds no picture of the sensor's own counts, only developed ones or small copies: convert the camera's file to DNG once more"
+    )]
+    NoCounts,
+    /// Several samples a photosite.
+    #[error(
+        "the DNG has {0} samples a pixel: it was demosaiced already (LinearRaw); expected one a photosite, as the sensor counted: convert the camera's file without demosaicing"
+    )]
+    Developed(u16),
+    /// Counts that were changed so that they pack better.
+    #[error(
+        "the counts are compressed with loss ({0}): photograph without it, or convert the camera's own file to uncompressed or losslessly compressed DNG"
+    )]
+    LossyRaw(Lossy),
+    /// Counts that a reader is to bend.
+    #[error(
+        "an opcode list of the DNG asks for its counts to be bent ({0:?}), so that they are not in proportion to light as they stand: give the camera's own file, or a DNG without it"
+    )]
+    Opcode(Bending),
+    /// Rows, columns or parts of tiles in another order.
+    #[error(
+        "the rows, columns or tiles of the DNG are interleaved; expected rows from top to bottom: convert it to DNG once more, uncompressed"
+    )]
+    Interleaved,
     /// A FITS file whose picture is not its first part.
     #[error(
         "the picture stands in an extension of the file; expected it in the first part: copy the extension to a file of its own"
@@ -399,6 +454,33 @@ pub enum Oddity {
         "the file declares a transfer curve (sRGB, a gamma other than 1, PQ or HLG, or an ICC profile that bends); expected counts in proportion to light: save it linear, without the declaration"
     )]
     Curve,
+}
+
+/// A correction that a DNG asks its reader for and that bends counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bending {
+    /// By a table.
+    MapTable,
+    /// By a polynomial.
+    MapPolynomial,
+}
+
+/// A coder of counts that changes them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lossy {
+    /// The JPEG of photographs.
+    Jpeg,
+    /// JPEG XL, unless its file says that nothing was lost.
+    JpegXl,
+}
+
+impl std::fmt::Display for Lossy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Jpeg => "JPEG",
+            Self::JpegXl => "JPEG XL whose JXLDistance is not stated to be 0",
+        })
+    }
 }
 
 /// Deflate packs at most 1032 bytes into one; LZW and PackBits fewer.

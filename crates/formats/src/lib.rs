@@ -52,7 +52,7 @@ pub use capture::{Capture, CaptureError, parse_capture, parse_manifest};
 pub use csv_table::{CsvError, Expected};
 pub use exr::{ExrError, RadianceFile, read_radiance, write_radiance};
 pub use image::{
-    Decoded, Depth, FileWords, ImageError, decode_frame, decode_frame_into, decode_frame_of,
-    encode_indexed_png, encode_png, encode_tiff,
+    Decoded, Depth, FileWords, ImageError, PackedDng, decode_frame, decode_frame_into,
+    decode_frame_of, encode_indexed_png, encode_png, encode_tiff,
 };
 pub use toml_text::{TomlError, parse_toml};

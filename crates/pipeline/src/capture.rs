@@ -6,7 +6,7 @@ use crate::error::{Blame, Error, Kind, Result};
 use crate::monitor::{Monitor, Quiet};
 use crate::reading::read_frame_of;
 use crate::response::{self, Curves};
-use crate::{exposures, files};
+use crate::{exposures, files, geometry};
 use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
 use formats::{Capture, Decoded, parse_manifest};
@@ -613,6 +613,8 @@ impl Loaded {
         let path = self.folder.join(&entry.file);
         decoded.mosaic = self
             .mosaic(&decoded)
+            .map_err(|e| e.within(path.display()))?;
+        geometry::check_aspect(self.capture.geometry.mm_per_pixel, decoded.pixel_aspect)
             .map_err(|e| e.within(path.display()))?;
         let mosaic = decoded.mosaic;
         let unit = camera.fits_exposure_unit;

@@ -47,6 +47,10 @@ pub(crate) struct Consistency {
     /// The pattern of the first frame, and its size.
     mosaic: Option<Mosaic>,
     size: (usize, usize),
+    /// Where the first frame begins in the whole of which it says it is a part.
+    origin: [i32; 2],
+    /// The largest step between counts that can be stored beside each other, DN.
+    step_dn: u16,
     /// The camera that a file names, and that file.
     camera: Option<(String, String)>,
     /// The sensitivity that a file names, and that file.
@@ -102,10 +106,21 @@ impl Consistency {
                     told(self.mosaic)
                 ));
             }
+            Some((before, _)) if self.origin != decoded.origin => {
+                let told = |[column, row]: [i32; 2]| format!("{column}, {row}");
+                return refuse(format!(
+                    "{file}: its data window begins at column and row {} of the display window, and \
+                     that of {before} at {}: the same pixel is not the same place in both; save all \
+                     frames with one data window",
+                    told(decoded.origin),
+                    told(self.origin)
+                ));
+            }
             Some(_) => {}
             None => {
                 self.first = Some((file.clone(), depth));
                 self.mosaic = decoded.mosaic;
+                self.origin = decoded.origin;
                 self.size = (decoded.frame.width, decoded.frame.height);
             }
         }
@@ -145,6 +160,7 @@ impl Consistency {
                 found.source, found.seconds, found.field
             ));
         }
+        self.step_dn = self.step_dn.max(decoded.step_dn);
         if let Some(white) = decoded.white_level_dn {
             self.white_level_dn = Some(self.white_level_dn.map_or(white, |least| least.min(white)));
         }
@@ -205,6 +221,13 @@ impl Consistency {
         for (exposure_s, count) in repeated.into_iter().filter(|(_, count)| *count > 1) {
             notes.push(format!("{count} frames of {exposure_s} s: all were used"));
         }
+        if self.step_dn > 1 {
+            notes.push(format!(
+                "the files store counts by a table with steps of up to {} DN: that rounding is not in \
+                 u; photograph without compression",
+                self.step_dn
+            ));
+        }
         if matches!(self.first, Some((_, Depth::Half))) {
             notes.push(
                 "the samples are floating-point numbers of 16 bits, which round counts beyond 2048 to \
@@ -242,19 +265,13 @@ mod tests {
     use physics::Frame;
 
     fn decoded(bits: u16) -> Decoded {
-        Decoded {
-            frame: Frame {
-                width: 2,
-                height: 1,
-                channels: 1,
-                samples: vec![1_u16, 2].into(),
-            },
-            depth: Depth::Bits(bits),
-            mosaic: None,
-            white_level_dn: None,
-            curve: false,
-            loss: None,
-        }
+        let frame = Frame {
+            width: 2,
+            height: 1,
+            channels: 1,
+            samples: vec![1_u16, 2].into(),
+        };
+        Decoded::plain(frame, Depth::Bits(bits))
     }
 
     fn of(camera: &str, iso: u64) -> Metadata {
@@ -307,6 +324,39 @@ mod tests {
             .unwrap();
         seen.see(&entry("b.tif"), "b", &decoded(16), &silent, None)
             .unwrap();
+    }
+
+    #[test]
+    fn windows_that_differ_and_tables_are_named() {
+        let entry = |file: &str| FrameEntry {
+            file: file.to_owned(),
+            exposure_s: 0.1,
+        };
+        let at = |origin| Decoded {
+            origin,
+            step_dn: 7,
+            ..decoded(16)
+        };
+        let mut seen = Consistency::default();
+        let silent = Metadata::default();
+        for (file, origin, fine) in [
+            ("a.exr", [8, 4], true),
+            ("b.exr", [8, 4], true),
+            ("c.exr", [8, 5], false),
+        ] {
+            let found = seen.see(&entry(file), file, &at(origin), &silent, None);
+            assert_eq!(found.is_ok(), fine, "{file}");
+            if let Err(error) = found {
+                let said = error.to_string();
+                let words = "c.exr: its data window begins at column and row 8, 5";
+                assert!(
+                    said.contains(words) && said.contains("a.exr at 8, 4"),
+                    "{said}"
+                );
+            }
+        }
+        let notes = seen.notes(&[], 65_535.0).join("\n");
+        assert!(notes.contains("steps of up to 7 DN"), "{notes}");
     }
 
     #[test]

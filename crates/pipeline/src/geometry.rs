@@ -3,9 +3,12 @@
 use crate::capture::Loaded;
 use crate::error::{Blame, Error, Kind, Result};
 use crate::measure::Radiance;
-use formats::capture::{self as manifest, Exit};
+use formats::capture::{self as manifest, Exit, PixelSize};
 use physics::{RadianceMap, fresnel};
 use profile::{GlowCenter, ProfileOptions, View, find_center, glow_center};
+
+/// By how much the sides of a pixel that is called square may differ.
+const SQUARE: f64 = 1e-3;
 
 /// Degrees by which a stated angle may differ from that of the corners before it is named.
 const NAMED_ANGLE_DEG: f64 = 3.0;
@@ -35,6 +38,20 @@ impl Loaded {
             )),
         }
     }
+}
+
+/// Refuses pixels that are not square by their file, and are by the manifest.
+pub(crate) fn check_aspect(size: Option<PixelSize>, aspect: f64) -> Result<()> {
+    let square = matches!(size, Some(PixelSize::Square(_)));
+    if !square || (aspect - 1.0).abs() <= SQUARE {
+        return Ok(());
+    }
+    let message = format!(
+        "its pixels are {aspect:.4} times as wide as they are high by its own tags (DefaultScale, \
+         pixelAspectRatio), and geometry.mm_per_pixel is one length: expected [across, down] in mm, \
+         or the same number twice where the tags are wrong"
+    );
+    Err(Error::new(Kind::Input, message))
 }
 
 /// Relative standard uncertainty of lengths at `px`.
@@ -205,4 +222,19 @@ pub fn centers(loaded: &Loaded, radiance: &Radiance, about_entry: bool) -> Resul
         centers.glow.push(glow);
     }
     Ok(centers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_that_are_not_square_need_two_lengths() {
+        let square = Some(PixelSize::Square(0.05));
+        assert!(check_aspect(square, 1.0).is_ok());
+        let said = check_aspect(square, 2.0).unwrap_err().to_string();
+        assert!(said.contains("2.0000 times as wide"), "{said}");
+        let stated = Some(PixelSize::Rectangular([0.1, 0.05]));
+        assert!(check_aspect(stated, 2.0).is_ok() && check_aspect(None, 2.0).is_ok());
+    }
 }

@@ -49,15 +49,27 @@ fn or_raw<'a>(
     match decoded {
         #[cfg(feature = "raw")]
         Err(ImageError::CameraRaw(_)) => {
-            let raw = raw::decode(bytes()).input(path.display())?;
-            Ok(Decoded {
-                frame: raw.frame,
-                depth: formats::Depth::Bits(raw.bits),
-                mosaic: raw.mosaic,
-                white_level_dn: Some(raw.white_level_dn),
-                curve: false,
-                loss: None,
-            })
+            let bytes = bytes();
+            let dng = formats::PackedDng::find(bytes);
+            let hidden = dng.as_ref().and_then(|dng| dng.without_table(bytes));
+            let raw = raw::decode(hidden.as_deref().unwrap_or(bytes)).input(path.display())?;
+            let depth = formats::Depth::Bits(raw.bits);
+            match dng {
+                Some(dng) => {
+                    let decoded = dng.counts(raw.frame, depth).input(path.display())?;
+                    // The end of a table is not that of the stored numbers.
+                    let stated = hidden.is_none().then_some(raw.white_level_dn);
+                    Ok(Decoded {
+                        white_level_dn: decoded.white_level_dn.or(stated),
+                        ..decoded
+                    })
+                }
+                None => Ok(Decoded {
+                    mosaic: raw.mosaic,
+                    white_level_dn: Some(raw.white_level_dn),
+                    ..Decoded::plain(raw.frame, depth)
+                }),
+            }
         }
         other => other.input(path.display()),
     }

@@ -60,6 +60,11 @@ pub enum RawError {
         /// Length of the file.
         bytes: usize,
     },
+    /// A roll of pictures.
+    #[error(
+        "camera RAW: the file holds {0} pictures; expected one frame a file, each with its exposure time: take them out of the roll"
+    )]
+    ManyImages(usize),
     /// Counts that are not one for each photosite.
     #[error("camera RAW: found {0} samples per pixel, expected 1: the file was demosaiced already")]
     Developed(usize),
@@ -78,15 +83,20 @@ const LARGEST_RATIO: usize = 32;
 ///
 /// # Errors
 ///
-/// [`RawError`]: a camera that is not known, a damaged file, or one that was developed.
+/// [`RawError`]: a camera that is not known, a damaged file, one of several pictures, or one that
+/// was developed.
 pub fn decode(bytes: &[u8]) -> Result<RawFrame, RawError> {
     let source = RawSource::new_from_slice(bytes);
+    let count = contained(|| rawler::get_decoder(&source)?.raw_image_count())?;
+    if count > 1 {
+        return Err(RawError::ManyImages(count));
+    }
     // Without its pixels, so that a size is seen before memory is asked for it.
     let header = contained(|| rawler::decode_dummy(&source))?;
     check_size(&header, bytes.len())?;
     let image = contained(|| rawler::decode(&source, &RawDecodeParams::default()))?;
     check_size(&image, bytes.len())?;
-    frame(image)
+    frame(&image)
 }
 
 /// What `decoder` gives, its panics turned into errors.
@@ -117,7 +127,7 @@ fn check_size(image: &RawImage, bytes: usize) -> Result<(), RawError> {
     }
 }
 
-fn frame(image: RawImage) -> Result<RawFrame, RawError> {
+fn frame(image: &RawImage) -> Result<RawFrame, RawError> {
     if image.cpp != 1 {
         return Err(RawError::Developed(image.cpp));
     }
@@ -169,8 +179,17 @@ fn frame(image: RawImage) -> Result<RawFrame, RawError> {
     let whites = image.whitelevel.0.iter().copied();
     Ok(RawFrame {
         frame,
-        // A pattern of rawler's begins with the first photosite of the whole sensor.
-        mosaic: mosaic.map(|mosaic| mosaic.shifted(left, top)),
+        mosaic: mosaic.map(|mosaic| {
+            if image.camera.mode == "dng" {
+                // That of a DNG begins with the active part; rawler shifts it by as much, which is
+                // a step back for cells of 2 only, so that it has to be gone on to the whole cell.
+                let on = |by: usize| (mosaic.side() - by % mosaic.side()) % mosaic.side();
+                mosaic.shifted(on(left), on(top))
+            } else {
+                // Others of rawler's begin with the first photosite of the whole sensor.
+                mosaic.shifted(left, top)
+            }
+        }),
         bits: image.bps.clamp(1, 16) as u16,
         black_level_dn: black,
         white_level_dn: whites.min().map_or(f64::from(u16::MAX), f64::from),

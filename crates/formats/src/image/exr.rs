@@ -12,7 +12,14 @@ use physics::{Frame, Samples};
 use std::io::Cursor;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
-    let (width, height, channels, depth, loss) = check_header(bytes)?;
+    let Header {
+        size: [width, height, channels],
+        depth,
+        loss,
+        pixel_aspect,
+        origin,
+    } = check_header(bytes)?;
+    let channels = channels as usize;
     let image = ::exr::image::read::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -50,17 +57,24 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     };
     check_finite(&frame)?;
     Ok(Decoded {
-        frame,
-        depth,
-        mosaic: None,
-        white_level_dn: None,
-        curve: false,
         loss,
+        pixel_aspect,
+        origin,
+        ..Decoded::plain(frame, depth)
     })
 }
 
-/// Width, height, channels, depth, and the name of a compression that loses something.
-type Header = (u32, u32, usize, Depth, Option<&'static str>);
+/// What a header says of the picture.
+struct Header {
+    /// Width, height and channels.
+    size: [u32; 3],
+    depth: Depth,
+    /// The name of a compression that loses something.
+    loss: Option<&'static str>,
+    pixel_aspect: f64,
+    /// Column and row of the first pixel in the display window.
+    origin: [i32; 2],
+}
 
 /// What the header says. Refuses what the decoder would allocate for, or leave out, before
 /// it is asked.
@@ -117,7 +131,21 @@ fn check_header(bytes: &[u8]) -> Result<Header, ImageError> {
     let size = [width, height, names.len() as u32];
     // Half floats, the shortest, are the most that the bytes can hold.
     sample_count(size, bytes.len() as u64, ratio, 16)?;
-    Ok((width, height, names.len(), depth, loss))
+    let (first, whole) = (
+        header.own_attributes.layer_position,
+        header.shared_attributes.display_window.position,
+    );
+    let origin = [
+        first.0.saturating_sub(whole.0),
+        first.1.saturating_sub(whole.1),
+    ];
+    Ok(Header {
+        size,
+        depth,
+        loss,
+        pixel_aspect: header.shared_attributes.pixel_aspect.into(),
+        origin,
+    })
 }
 
 #[cfg(test)]
@@ -190,5 +218,26 @@ mod tests {
         ] {
             assert_eq!(decode_frame(&file(&[("Y", plane)])).unwrap().depth, depth);
         }
+    }
+
+    #[test]
+    fn where_a_data_window_begins_and_how_wide_its_pixels_are_is_told() {
+        let channels = [AnyChannel::new("Y", FlatSamples::F32(vec![1.0, 2.0]))];
+        let channels = AnyChannels::sort(channels.into_iter().collect());
+        let layer = Layer::new(
+            (2, 1),
+            LayerAttributes::default().with_position(Vec2(8, -3)),
+            Encoding::UNCOMPRESSED,
+            channels,
+        );
+        let mut image = Image::from_layer(layer);
+        image.attributes.display_window.position = Vec2(3, -4);
+        image.attributes.pixel_aspect = 1.5;
+        let mut out = Cursor::new(Vec::new());
+        image.write().non_parallel().to_buffered(&mut out).unwrap();
+        let found = decode_frame(out.get_ref()).unwrap();
+        assert_eq!((found.origin, found.pixel_aspect), ([5, 1], 1.5));
+        let plain = decode_frame(&file(&[("Y", FlatSamples::F32(vec![0.0; 2]))])).unwrap();
+        assert_eq!((plain.origin, plain.pixel_aspect), ([0, 0], 1.0));
     }
 }

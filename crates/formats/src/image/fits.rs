@@ -109,18 +109,15 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
         samples,
     };
     check_finite(&frame)?;
+    let depth = if bits > 0 {
+        Depth::Bits(bits as u16)
+    } else {
+        Depth::Float
+    };
     Ok(Decoded {
-        frame,
-        depth: if bits > 0 {
-            Depth::Bits(bits as u16)
-        } else {
-            Depth::Float
-        },
         // Files of colours keep the card of the mosaic that they were made of.
         mosaic: mosaic.filter(|_| axes == 2),
-        white_level_dn: None,
-        curve: false,
-        loss: None,
+        ..Decoded::plain(frame, depth)
     })
 }
 

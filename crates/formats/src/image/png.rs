@@ -80,18 +80,15 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
             found: samples.len() as u64 * (bits / 8),
         });
     }
+    let frame = Frame {
+        width: width as usize,
+        height: height as usize,
+        channels: channels as usize,
+        samples: samples.into(),
+    };
     Ok(Decoded {
-        frame: Frame {
-            width: width as usize,
-            height: height as usize,
-            channels: channels as usize,
-            samples: samples.into(),
-        },
-        depth: Depth::Bits(bits as u16),
-        mosaic: None,
-        white_level_dn: None,
         curve,
-        loss: None,
+        ..Decoded::plain(frame, Depth::Bits(bits as u16))
     })
 }
 

@@ -59,19 +59,17 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     if maximum > 255 {
         check_order(&samples)?;
     }
+    let frame = Frame {
+        width: width as usize,
+        height: height as usize,
+        channels: channels as usize,
+        samples: samples.into(),
+    };
+    // As many as the largest value takes: counts up to 4095 are not those of 16 bits.
+    let depth = Depth::Bits((u16::BITS - maximum.leading_zeros()).max(8) as u16);
     Ok(Decoded {
-        frame: Frame {
-            width: width as usize,
-            height: height as usize,
-            channels: channels as usize,
-            samples: samples.into(),
-        },
-        // As many as the largest value takes: counts up to 4095 are not those of 16 bits.
-        depth: Depth::Bits((u16::BITS - maximum.leading_zeros()).max(8) as u16),
-        mosaic: None,
         white_level_dn: (255 < maximum && maximum < u16::MAX).then(|| f64::from(maximum)),
-        curve: false,
-        loss: None,
+        ..Decoded::plain(frame, depth)
     })
 }
 

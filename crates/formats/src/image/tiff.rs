@@ -40,6 +40,7 @@ pub(super) fn decode(
     }
     let raw = match undeveloped::find(bytes) {
         Some(Found::Foreign(format)) => return Err(ImageError::CameraRaw(format)),
+        Some(Found::Packed(_)) => return Err(ImageError::CameraRaw("DNG")),
         Some(Found::Odd(oddity)) => return Err(ImageError::Odd(oddity)),
         Some(Found::Picture(raw)) => Some(raw),
         None => None,
@@ -101,6 +102,10 @@ pub(super) fn decode(
             DecodingResult::U16(samples) if samples.len() == count => {
                 by_pixel(samples, planar).into()
             }
+            DecodingResult::F16(samples) if samples.len() == count => {
+                let samples = samples.into_iter().map(|sample| sample.to_f32()).collect();
+                Samples::F32(by_pixel(samples, planar))
+            }
             DecodingResult::F32(samples) if samples.len() == count => {
                 Samples::F32(by_pixel(samples, planar))
             }
@@ -121,23 +126,11 @@ pub(super) fn decode(
         samples,
     };
     check_finite(&frame)?;
-    let (frame, mosaic, white_level_dn) = match raw {
-        Some(raw) => (
-            raw.active(frame).map_err(ImageError::Odd)?,
-            raw.mosaic,
-            raw.white_level_dn,
-        ),
-        None => (frame, None, None),
+    let decoded = match raw {
+        Some(raw) => raw.developed_no_further(frame, depth)?,
+        None => Decoded::plain(frame, depth),
     };
-    let decoded = Decoded {
-        frame,
-        depth,
-        mosaic,
-        white_level_dn,
-        curve,
-        loss: None,
-    };
-    Ok((decoded, place))
+    Ok((Decoded { curve, ..decoded }, place))
 }
 
 /// Samples of fewer than 16 bits stand one after the other, without regard to bytes.
@@ -308,6 +301,7 @@ fn check_kind(reader: &mut Reader<'_>) -> Result<(u32, Depth), ImageError> {
     }
     let depth = match (format, first) {
         (1, 8 | 10 | 12 | 14 | 16) => Depth::Bits(first),
+        (3, 16) => Depth::Half,
         (3, 32) => Depth::Float,
         (1 | 3, other) => return Err(ImageError::Depth(other.into())),
         (other, _) => return odd(Oddity::SampleFormat(other)),
@@ -501,11 +495,11 @@ mod tests {
             (vec![(262, 0)], "white is zero"),
             (vec![(262, 3), (258, 8)], "palette"),
             (vec![(262, 32803)], "colour filter array"),
-            (vec![(262, 34892), (277, 3)], "found 3 samples per pixel"),
+            (vec![(262, 34892), (277, 3)], "has 3 samples a pixel"),
             (vec![(262, 6), (277, 3)], "PhotometricInterpretation is 6"),
             (vec![(277, 2)], "found 2 samples per pixel"),
             (vec![(277, 2), (338, 2)], "alpha"),
-            (vec![(339, 3)], "found 16 bits per sample"),
+            (vec![(339, 3), (258, 8)], "found 8 bits per sample"),
             (vec![(339, 2)], "SampleFormat is 2"),
             (vec![(259, 7)], "Compression is 7"),
             (vec![(266, 2)], "FillOrder is 2"),

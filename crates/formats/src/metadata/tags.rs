@@ -354,6 +354,11 @@ impl<'a> File<'a> {
         (field.as_ptr() as usize - self.bytes.beginning.as_ptr() as usize) as u64
     }
 
+    /// Bytes of a tag before its field: its number, its type and its count.
+    pub(crate) fn before_field(&self) -> u64 {
+        if self.big { 12 } else { 8 }
+    }
+
     /// A pointer as the file writes it.
     pub(crate) fn pointer(&self, to: u64) -> Vec<u8> {
         let length = if self.big { 8 } else { 4 };
@@ -401,8 +406,26 @@ impl<'a> File<'a> {
         Some(self.unsigned(values.get(..width as usize)?))
     }
 
+    /// The bytes of a tag that is a list of bytes.
+    pub(crate) fn raw(&self, tag: Tag<'a>) -> Option<&'a [u8]> {
+        matches!(tag.kind, 1 | 7)
+            .then(|| self.values(tag, 1))
+            .flatten()
+    }
+
+    /// Two numbers above or at 0 that need not be whole.
+    pub(crate) fn ratios(&self, tag: Tag<'a>) -> Option<[f64; 2]> {
+        if tag.count != 2 || tag.kind != 5 {
+            return None;
+        }
+        let values = self.values(tag, 8)?;
+        let number = |at: usize| Some(f64::from(self.unsigned(values.get(at..at + 4)?) as u32));
+        let both = [number(0)? / number(4)?, number(8)? / number(12)?];
+        both.iter().all(|ratio| ratio.is_finite()).then_some(both)
+    }
+
     /// A number that need not be whole.
-    fn ratio(&self, tag: Tag<'a>) -> Option<f64> {
+    pub(crate) fn ratio(&self, tag: Tag<'a>) -> Option<f64> {
         // FLOAT and DOUBLE: not by the letter of EXIF, but Pillow for one writes them.
         let float = match tag.kind {
             11 => Some(f64::from(f32::from_bits(
