@@ -2,8 +2,10 @@
 //! whether the scene moved between them.
 //!
 //! Each frame is compared with the next longer one over the pixels that both show well. Ratios
-//! multiply, and shifts add, along the chain of frames; both are then taken relative to the
-//! median frame, which a few bad ones do not move.
+//! multiply, and shifts add, along a run of frames each of which could be compared with the next;
+//! both are then taken relative to the median frame of the run, which a few bad ones do not move.
+//! Two runs say nothing of each other: were they one chain, a bad frame at the end of one would
+//! move all of the other.
 
 mod shift;
 
@@ -13,6 +15,7 @@ use crate::estimate::Estimate;
 use crate::net::{Net, Pair, Spare};
 use physics::{Frame, Sensor};
 use shift::Blocks;
+use std::ops::Range;
 
 /// Share of the range from black to white below which a sample says little of a ratio, and a
 /// dark that has drifted too much.
@@ -46,7 +49,8 @@ pub struct Link {
 pub struct Placed {
     /// Exposure as stated, s.
     pub nominal_s: f64,
-    /// Exposure that the overlap shows, s, on a scale on which the median frame is as stated.
+    /// Exposure that the overlap shows, s, on a scale on which the median frame of its run is as
+    /// stated.
     pub measured_s: f64,
     /// Relative standard uncertainty of that.
     pub u_relative: f64,
@@ -72,6 +76,15 @@ impl Placed {
         let length = x.value.hypot(y.value);
         (length > limit_px && length > SURE * x.u.hypot(y.u)).then_some(length)
     }
+}
+
+/// What is wrong with the stated exposures of a run of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contradiction {
+    /// The frame of this number is off: most of those that it could be compared with agree.
+    Frame(usize),
+    /// This frame and the next contradict each other, and no majority tells which one is off.
+    Pair(usize),
 }
 
 /// All frames of one scene, side by side.
@@ -140,39 +153,18 @@ impl Overlap {
 
     /// The frames beside each other.
     pub fn finish(self) -> Comparison {
-        let count = self.exposures_s.len();
-        // Deviations and shifts along the chain, with variances; a link that says nothing is
-        // taken at its word.
-        let mut chain = [
-            vec![(0.0, 0.0); 1],
-            vec![(0.0, 0.0); 1],
-            vec![(0.0, 0.0); 1],
-        ];
-        for link in &self.links {
-            let ratio = link
-                .ratio
-                .map_or((0.0, 0.0), |r| (r.value.ln(), r.u / r.value));
-            let shift = |axis: usize| {
-                link.shift_px
-                    .map_or((0.0, 0.0), |s| (s[axis].value, s[axis].u))
-            };
-            for (chain, (step, u)) in chain.iter_mut().zip([ratio, shift(0), shift(1)]) {
-                let (value, variance) = chain[chain.len() - 1];
-                chain.push((value + step, variance + u * u));
-            }
-        }
-        let [ratios, in_x, in_y] = chain.map(|chain| {
-            let (middle, from) = median(&chain);
-            let placed = |(value, variance): (f64, f64)| Estimate {
-                value: value - middle,
-                u: (variance - from).abs().sqrt(),
-            };
-            chain.into_iter().map(placed).collect::<Vec<_>>()
-        });
-        let frames = (0..count)
-            .map(|k| Placed {
-                nominal_s: self.exposures_s[k],
-                measured_s: self.exposures_s[k] * ratios[k].value.exp(),
+        let steps = |of: &dyn Fn(&Link) -> Option<(f64, f64)>| {
+            let steps = self.links.iter().map(of);
+            placed(self.exposures_s.len(), steps)
+        };
+        let ratios = steps(&|link| link.ratio.map(|r| (r.value.ln(), r.u / r.value)));
+        let [in_x, in_y] =
+            [0, 1].map(|axis| steps(&|link| link.shift_px.map(|s| (s[axis].value, s[axis].u))));
+        let frames = self.exposures_s.iter().enumerate();
+        let frames = frames
+            .map(|(k, nominal_s)| Placed {
+                nominal_s: *nominal_s,
+                measured_s: nominal_s * ratios[k].value.exp(),
                 u_relative: ratios[k].u,
                 shift_px: [in_x[k], in_y[k]],
             })
@@ -182,6 +174,30 @@ impl Overlap {
             links: self.links,
         }
     }
+}
+
+/// Where each of `count` frames stands against the median of its run: from the steps between
+/// neighbours, each with its standard uncertainty, that one that is not known ends a run.
+fn placed(count: usize, steps: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Estimate> {
+    let mut runs = vec![vec![(0.0, 0.0); count.min(1)]];
+    for step in steps {
+        let run = runs.last_mut().expect("there is one from the beginning");
+        match (step, run.last()) {
+            (Some((step, u)), Some((value, variance))) => {
+                run.push((value + step, variance + u * u));
+            }
+            _ => runs.push(vec![(0.0, 0.0)]),
+        }
+    }
+    let in_run = |run: Vec<(f64, f64)>| {
+        let (middle, from) = median(&run);
+        run.into_iter().map(move |(value, variance)| Estimate {
+            value: value - middle,
+            u: (variance - from).abs().sqrt(),
+        })
+    };
+    let filled = runs.into_iter().filter(|run| !run.is_empty());
+    filled.flat_map(in_run).collect()
 }
 
 /// The middle value, with the variance that the chain has there.
@@ -213,13 +229,11 @@ impl Comparison {
     /// pixel of `rate_dn_per_s`, by a sensor of `range_dn` from black to white.
     ///
     /// A pixel is measured by the frames that it does not saturate. Exposures are on the scale on
-    /// which the median frame is as stated, so that a link moves the frames on its far side.
+    /// which the median frame of a run is as stated, so that a link moves those of its run that are
+    /// on its far side.
     pub fn relative_errors(&self, rate_dn_per_s: f64, range_dn: f64) -> Vec<f64> {
         let order: Vec<f64> = self.frames.iter().map(|f| f.deviation().abs()).collect();
-        // The frame that is nearest to its own statement is the median, on whose scale all are.
-        let median = (0..order.len())
-            .min_by(|a, b| order[*a].total_cmp(&order[*b]))
-            .unwrap_or(0);
+        let runs = self.runs();
         let used: Vec<f64> = self
             .frames
             .iter()
@@ -236,15 +250,57 @@ impl Comparison {
                 if time == 0.0 {
                     return 0.0;
                 }
+                // A link that was not measured is in no run, and takes part with nothing.
+                let Some(run) = runs.iter().find(|r| r.contains(&link) && link + 1 < r.end) else {
+                    return 0.0;
+                };
+                // The frame that is nearest to its own statement is the median of its run.
+                let median = run.clone().min_by(|a, b| order[*a].total_cmp(&order[*b]));
                 // Frames up to `link` are on the near side, those after it on the far side.
-                let moved: f64 = if median <= link {
-                    used[link + 1..].iter().sum()
+                let moved: f64 = if median <= Some(link) {
+                    used[link + 1..run.end].iter().sum()
                 } else {
-                    -used[..=link].iter().sum::<f64>()
+                    -used[run.start..=link].iter().sum::<f64>()
                 };
                 -u * moved / time
             })
             .collect()
+    }
+
+    /// The runs of frames each of which could be compared with the next.
+    fn runs(&self) -> Vec<Range<usize>> {
+        let count = self.frames.len();
+        let ends = self.links.iter().enumerate();
+        let ends = ends.filter(|(_, link)| link.ratio.is_none());
+        let mut starts = vec![0];
+        starts.extend(ends.map(|(k, _)| k + 1));
+        let ends = starts.iter().skip(1).copied().chain([count]);
+        starts.iter().zip(ends).map(|(a, b)| *a..b).collect()
+    }
+
+    /// The frames whose exposures are off by more than `limit`, relative, and by more than chance.
+    ///
+    /// One is named where most of its run agree on a scale on which it is off. Where the frames
+    /// are two, or fall into halves, either side of the step between them may be off.
+    pub fn contradictions(&self, limit: f64) -> Vec<Contradiction> {
+        let mut found = vec![];
+        for run in self.runs() {
+            let off = run.clone().filter(|k| self.frames[*k].is_off(limit));
+            let off: Vec<usize> = off.collect();
+            if !off.is_empty() && 2 * off.len() < run.len() {
+                found.extend(off.into_iter().map(Contradiction::Frame));
+                continue;
+            }
+            let steps = run.start..run.end.saturating_sub(1);
+            let split = steps.filter(|k| {
+                self.links[*k].ratio.is_some_and(|ratio| {
+                    let step = ratio.value.ln().abs();
+                    step > limit && step > SURE * ratio.u / ratio.value
+                })
+            });
+            found.extend(split.map(Contradiction::Pair));
+        }
+        found
     }
 
     /// Whether the measured exposures are significantly better than the nominal ones.

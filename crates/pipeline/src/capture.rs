@@ -10,7 +10,7 @@ use crate::{exposures, files, geometry};
 use formats::capture::FrameEntry;
 use formats::metadata::Metadata;
 use formats::{Capture, Decoded, parse_manifest};
-use hdr::overlap::Placed;
+use hdr::overlap::{Contradiction, Placed};
 use hdr::{Comparison, DarkFrame, Merge, MergeReport, Overlap, registration};
 use physics::{Frame, Mosaic, RadianceMap, Sensor};
 use std::path::{Path, PathBuf};
@@ -422,28 +422,16 @@ impl Loaded {
     /// Refuses a frame that does not belong to the others.
     fn check_frames(&self, subject: Subject, comparison: &Comparison, limit_px: f64) -> Result<()> {
         let entries = by_exposure(self.entries(subject).0);
+        let off: Vec<String> = comparison
+            .contradictions(WRONG_EXPOSURE)
+            .into_iter()
+            .map(|contradiction| self.contradicted(subject, &entries, comparison, contradiction))
+            .collect();
+        if !off.is_empty() {
+            return Err(Error::new(Kind::Input, off.join("\n")));
+        }
         for (entry, placed) in entries.iter().zip(&comparison.frames) {
             let place = self.place(&entry.file);
-            if placed.is_off(WRONG_EXPOSURE) {
-                let links = &comparison.links;
-                let measured = links.iter().filter(|link| link.ratio.is_some()).count();
-                let open = if measured < links.len() {
-                    format!(
-                        " (only {measured} of {} steps between exposures could be measured, so that its neighbour may be the one that is off)",
-                        links.len()
-                    )
-                } else {
-                    String::new()
-                };
-                let message = format!(
-                    "{place}: exposed {:.4} s as compared with the other frames of {}, and exposure_s = {}: expected the same within {:.0} %{open}; correct exposure_s, or leave the frame out if light or aperture changed",
-                    placed.measured_s,
-                    subject.field(),
-                    placed.nominal_s,
-                    100.0 * WRONG_EXPOSURE
-                );
-                return Err(Error::new(Kind::Input, message));
-            }
             if let Some(length) = placed.shifted(limit_px) {
                 let [x, y] = placed.shift_px;
                 let message = format!(
@@ -456,6 +444,42 @@ impl Loaded {
             }
         }
         Ok(())
+    }
+
+    /// What is wrong with stated exposures, in a sentence.
+    fn contradicted(
+        &self,
+        subject: Subject,
+        entries: &[&FrameEntry],
+        comparison: &Comparison,
+        contradiction: Contradiction,
+    ) -> String {
+        let what = subject.field();
+        let percent = 100.0 * WRONG_EXPOSURE;
+        let place = |k: usize| self.place(&entries[k].file);
+        match contradiction {
+            Contradiction::Frame(k) => {
+                let placed = comparison.frames[k];
+                format!(
+                    "{}: exposed {:.4} s as compared with the other frames of {what}, and exposure_s = {}: expected the same within {percent:.0} %; correct exposure_s, or leave the frame out if light or aperture changed",
+                    place(k),
+                    placed.measured_s,
+                    placed.nominal_s,
+                )
+            }
+            Contradiction::Pair(k) => {
+                let [short, long] = [comparison.frames[k], comparison.frames[k + 1]];
+                let stated = long.nominal_s / short.nominal_s;
+                let found = long.measured_s / short.measured_s;
+                format!(
+                    "{}, {}: the second has {found:.4} times the light of the first, and their exposure_s, {} and {}, make {stated:.4} times: expected the same within {percent:.0} %; either may be off, since no majority of the frames of {what} agrees with one of them; correct exposure_s, leave out the frame for which light or aperture changed, or add one of an exposure between",
+                    place(k),
+                    place(k + 1),
+                    short.nominal_s,
+                    long.nominal_s,
+                )
+            }
+        }
     }
 
     /// Hands every frame of `subject` with its dark and its number to `each`, by increasing

@@ -130,6 +130,87 @@ fn one_frame_of_thirty_percent_is_the_one_that_is_named() {
     }
 }
 
+/// What each frame of a stack, 1 the shortest, sees of a scene that is 30 % darker meanwhile, in
+/// every place and among every number of frames.
+#[test]
+fn whichever_frame_is_too_dark_is_the_one_that_is_named() {
+    const SMALL: usize = 120;
+    let mosaics = ["", "RGGB", "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"];
+    let nominal = |k: usize| f64::from(1_u32 << k) / 64.0;
+    let (mut named, mut either, mut alone) = (0, 0, 0);
+    for (seed, name) in (0..9).map(|seed| (seed, mosaics[seed as usize % 3])) {
+        let rng = &mut Pcg64Mcg::seed_from_u64(100 + seed);
+        let mosaic: Option<physics::Mosaic> = (!name.is_empty()).then(|| name.parse().unwrap());
+        // What a filter lets through, and a pattern of 1 %.
+        let pattern: Vec<f64> = (0..SMALL * SMALL)
+            .map(|i| {
+                let colour = mosaic.map_or(1, |m| m.colour(i % SMALL, i / SMALL));
+                [0.5, 1.0, 0.3][colour] * (1.0 + 0.01 * rng.sample::<f64, _>(StandardNormal))
+            })
+            .collect();
+        let folded = |frame: Frame| mosaic.map_or(frame.clone(), |m| m.folded(&frame));
+        let mut stack = |light: f64| -> Vec<Frame> {
+            let frames = (0..13).map(|k| {
+                let shift = [-40.0; 2];
+                folded(expose(SMALL, light * nominal(k), shift, rng, &pattern))
+            });
+            frames.collect()
+        };
+        let [good, dark] = [1.0, 0.7].map(&mut stack);
+        let black = folded(Frame {
+            width: SMALL,
+            height: SMALL,
+            channels: 1,
+            samples: vec![300; SMALL * SMALL].into(),
+        });
+        for (count, first) in (3..=13).flat_map(|count| [(count, 0), (count, 13 - count)]) {
+            for bad in 0..count {
+                let mut overlap = Overlap::new(&SENSOR);
+                for k in 0..count {
+                    let frames = if k == bad { &dark } else { &good };
+                    let exposure_s = nominal(first + k);
+                    let black = DarkFrame::new(&black, exposure_s).unwrap();
+                    overlap.add(&frames[first + k], &black, exposure_s).unwrap();
+                }
+                let found = overlap.finish();
+                // As far as neighbours could be compared, one after the other.
+                let measured = |k: &usize| found.links[*k].ratio.is_some();
+                let after = (bad..count - 1).take_while(measured).count();
+                let before = (0..bad).rev().take_while(measured).count();
+                let expected = match (before, after) {
+                    (0, 0) => vec![],
+                    (1, 0) => vec![Contradiction::Pair(bad - 1)],
+                    (0, 1) => vec![Contradiction::Pair(bad)],
+                    _ => vec![Contradiction::Frame(bad)],
+                };
+                let of = format!("{name} {seed}: {bad} of {count} from {first}");
+                assert_eq!(found.contradictions(0.2), expected, "{of}: {found:?}");
+                match before + after {
+                    0 => alone += 1,
+                    1 => either += 1,
+                    _ => named += 1,
+                }
+            }
+        }
+    }
+    println!("{named} named, {either} of two, {alone} without a neighbour");
+    // The shortest frames of a long stack show too little to be compared.
+    assert!(named > 1000 && either > 0 && alone > 0);
+}
+
+#[test]
+fn two_frames_alone_cannot_tell_which_is_off() {
+    // At a factor beyond the limit's square, either would be off by itself.
+    for errors in [[0.0, -0.3], [-0.3, 0.0], [0.0, -0.6]] {
+        let found = compare(&errors, &[[0.0; 2]; 2], 4);
+        assert_eq!(found.contradictions(0.2), [Contradiction::Pair(0)]);
+    }
+    let halves = compare(&[0.0, 0.0, 0.4, 0.4], &[[0.0; 2]; 4], 4);
+    assert_eq!(halves.contradictions(0.2), [Contradiction::Pair(1)]);
+    let fine = compare(&[0.0, 0.05], &[[0.0; 2]; 2], 4);
+    assert_eq!(fine.contradictions(0.2), []);
+}
+
 #[test]
 fn a_shift_is_found_and_its_frame_named() {
     let mut squares = vec![];
