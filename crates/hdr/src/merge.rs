@@ -7,7 +7,7 @@ mod sets;
 use crate::dark::{DarkFrame, check_exposure, check_frame, check_size};
 use crate::error::MergeError;
 use crate::hot::{HOT, Level, WARM, levels};
-use physics::frame::channel_names;
+use physics::frame::{Rounding, channel_names};
 use physics::{ChannelMap, Frame, RadianceMap, Sensor};
 use rayon::prelude::*;
 use rows::{Block, CHUNK, Common, Layout, Outcome, Rows, Step};
@@ -72,9 +72,32 @@ pub struct Merge {
     time: f64,
     /// Σ(dark − black) of an ordinary sample, DN, all channels together.
     dark_sum: f64,
-    /// What rounding adds to the variance of the last frame, DN².
-    rounding_variance: f64,
+    /// How the last frame was rounded when it was stored.
+    rounding: Rounding,
+    /// The frames whose rounding depends on the sample.
+    rounded: Vec<Rounded>,
     frames: Vec<FrameReport>,
+}
+
+/// A frame whose samples are the coarser the larger they are.
+#[derive(Clone, Debug)]
+struct Rounded {
+    rounding: Rounding,
+    /// The exposure by which it counts, s.
+    measured_s: f64,
+    /// Of how many frames its dark is the mean.
+    darks: f64,
+    /// The dark of an ordinary sample of each channel, DN.
+    dark_dn: Vec<f64>,
+}
+
+impl Rounded {
+    /// Variance that rounding adds to the sample of a pixel of `rate_dn_per_s`, less its dark, DN².
+    fn variance(&self, channel: usize, rate_dn_per_s: f64) -> f64 {
+        let dark = self.dark_dn[channel];
+        let sample = dark + rate_dn_per_s * self.measured_s;
+        self.rounding.variance(sample) + self.rounding.variance(dark) / self.darks
+    }
 }
 
 /// What is kept of the dark of the last, longest frame.
@@ -151,7 +174,8 @@ impl Merge {
             dark: LastDark::default(),
             time: 0.0,
             dark_sum: 0.0,
-            rounding_variance: 0.0,
+            rounding: Rounding::default(),
+            rounded: vec![],
             frames: vec![],
         })
     }
@@ -228,22 +252,39 @@ impl Merge {
             let chunks = (frame.width * frame.channels).div_ceil(CHUNK);
             self.common = vec![Common::EMPTY; chunks * frame.height];
         }
-        self.rounding_variance = frame.samples.rounding_variance();
+        let rounding = frame.samples.rounding();
+        self.rounding = rounding;
 
         let sensor = &self.sensor;
-        let read = read_variance(sensor, self.rounding_variance);
         let darks = f64::from(dark.count());
         let levels = levels(dark, channels, |level| {
-            let charge = (f64::from(level) - sensor.black_level_dn).max(0.0);
+            let level = f64::from(level);
+            let read = read_variance(sensor, rounding, level);
+            let charge = (level - sensor.black_level_dn).max(0.0);
             (((read + charge / sensor.gain_e_per_dn) / darks).sqrt()) as f32
         });
+        // What depends on the sample waits for the sum to tell how large that was.
+        let (common, frames) = if rounding.half {
+            let number = u16::try_from(self.rounded.len()).unwrap_or(u16::MAX);
+            self.rounded.push(Rounded {
+                rounding,
+                measured_s,
+                darks,
+                dark_dn: levels.iter().map(|level| level.median.into()).collect(),
+            });
+            (Rounding::default(), vec![number])
+        } else {
+            (rounding, vec![])
+        };
+        let read = read_variance(sensor, common, sensor.black_level_dn);
         let level = levels.iter().map(|level| level.mean).sum::<f64>() / channels as f64;
         let warm: Vec<f32> = levels.iter().map(|level| level.beyond(WARM)).collect();
-        let tables = self.sets.extend(Set {
+        let tables = self.sets.extend(&Set {
             time: measured_s,
             // The dark that was subtracted has the same noise, less where several were averaged.
             read: read * (1.0 + 1.0 / darks),
             dark_time: exposure_s * (1.0 + 1.0 / darks),
+            frames,
         });
         let [neighbours_limit, own_limit] = self.limits(measured_s);
         let layout = Layout {
@@ -300,7 +341,7 @@ impl Merge {
             black_level_dn: black,
             ..
         } = self.sensor;
-        let read = read_variance(&self.sensor, frame.samples.rounding_variance());
+        let rounding = frame.samples.rounding();
         let darks = f64::from(dark.count());
         let count = frame.samples.len();
         // An odd step meets every channel and every row.
@@ -311,6 +352,7 @@ impl Merge {
             frame.samples.copy_to(at..at + 1, &mut sample);
             dark.copy_mean_to(at..at + 1, &mut level);
             let (sample, level) = (f64::from(sample[0]), f64::from(level[0]));
+            let read = read_variance(&self.sensor, rounding, level);
             let variance = (read + (level - black).max(0.0) / gain) * (1.0 + 1.0 / darks);
             let limit = BELOW * variance.sqrt() + DRIFT * level.abs();
             seen += 1;
@@ -334,7 +376,7 @@ impl Merge {
             ..
         } = self.sensor;
         let span = white - black;
-        let read = read_variance(&self.sensor, self.rounding_variance);
+        let read = read_variance(&self.sensor, self.rounding, white);
         let full = read + span / gain + (prnu * span).powi(2);
         // What the frames so far say of a full pixel has the noise of their light.
         let own = if self.time > 0.0 {
@@ -369,6 +411,7 @@ impl Merge {
             mut set,
             common,
             dark,
+            rounded,
             frames,
             time,
             dark_sum,
@@ -416,6 +459,12 @@ impl Merge {
                 let common = common[chunk].set.filter(|_| channels == 1);
                 usize::from(common.unwrap_or(set[at]))
             };
+            if !rounded.is_empty() {
+                let pixels = value.par_iter().zip(&mut variance).enumerate();
+                pixels.for_each(|(at, (value, variance))| {
+                    *variance += noise.of_rounding(&rounded, channel, *value, number(at)) as f32;
+                });
+            }
             let mut report = ChannelReport {
                 hot: 0,
                 saturated_everywhere: (value.len() - measured) as u64,
@@ -576,7 +625,7 @@ impl Noise {
             sets: merge.sets.list().to_vec(),
             per_electron: 1.0 / merge.sensor.gain_e_per_dn,
             prnu_relative: merge.sensor.prnu_relative,
-            read: read_variance(&merge.sensor, merge.rounding_variance),
+            read: read_variance(&merge.sensor, merge.rounding, black),
             current: levels
                 .iter()
                 .map(|level| (f64::from(level.median) - black).max(0.0) / exposure_s)
@@ -592,6 +641,26 @@ impl Noise {
         }
         let charge = excess / self.dark_exposure_s * set.dark_time;
         charge * self.per_electron / (set.time * set.time)
+    }
+
+    /// Variance that the rounding of frames which are coarser for larger samples adds to a mean of
+    /// `rate_dn_per_s` over the set of this number.
+    fn of_rounding(
+        &self,
+        rounded: &[Rounded],
+        channel: usize,
+        rate_dn_per_s: f32,
+        number: usize,
+    ) -> f64 {
+        let set = &self.sets[number];
+        if set.time == 0.0 {
+            return 0.0;
+        }
+        let frames = set.frames.iter().map(|k| &rounded[usize::from(*k)]);
+        let sum: f64 = frames
+            .map(|frame| frame.variance(channel, rate_dn_per_s.into()))
+            .sum();
+        sum / (set.time * set.time)
     }
 
     fn of_channel(&self, channel: usize) -> ChannelNoise {
@@ -698,9 +767,9 @@ impl ChannelNoise {
     }
 }
 
-/// Variance of one read-out without light, with that of rounding, DN².
-fn read_variance(sensor: &Sensor, rounding_variance: f64) -> f64 {
-    (sensor.read_noise_e / sensor.gain_e_per_dn).powi(2) + rounding_variance
+/// Variance of one read-out without the light's own, with that of rounding at `level_dn`, DN².
+fn read_variance(sensor: &Sensor, rounding: Rounding, level_dn: f64) -> f64 {
+    (sensor.read_noise_e / sensor.gain_e_per_dn).powi(2) + rounding.variance(level_dn)
 }
 
 fn check_sensor(sensor: &Sensor) -> Result<(), MergeError> {

@@ -71,13 +71,72 @@ impl Samples {
         }
     }
 
-    /// Variance that rounding to whole numbers adds, DN².
-    pub fn rounding_variance(&self) -> f64 {
-        match self {
-            Self::U16(_) => 1.0 / 12.0,
-            Self::F32(_) => 0.0,
+    /// How the samples were rounded when they were stored, as they show it themselves.
+    ///
+    /// Floating-point numbers are looked through until two of them show that nothing was rounded.
+    pub fn rounding(&self) -> Rounding {
+        let Self::F32(samples) = self else {
+            return Rounding::WHOLE;
+        };
+        let (mut whole, mut half, mut largest) = (true, true, 0.0_f32);
+        for block in samples.chunks(4096) {
+            for sample in block {
+                whole &= *sample == sample.trunc();
+                half &= sample.to_bits() & BELOW_HALF == 0;
+                largest = largest.max(sample.abs());
+            }
+            if !whole && !half {
+                break;
+            }
+        }
+        Rounding {
+            // The 0 and 1 of a mask, or of full and empty pixels, are no counts.
+            whole: whole && largest >= LEAST_COUNT,
+            half: half && largest > 0.0,
         }
     }
+}
+
+/// Bits of an `f32` that a half-precision number does not have.
+const BELOW_HALF: u32 = (1 << 13) - 1;
+
+/// The least largest sample of a frame of counts, DN.
+const LEAST_COUNT: f32 = 64.0;
+
+/// What was taken off samples when they were stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rounding {
+    /// They are whole numbers.
+    pub whole: bool,
+    /// They have the 11 significant bits of a half-precision number (IEEE 754 binary16).
+    pub half: bool,
+}
+
+impl Rounding {
+    /// That of counts.
+    pub const WHOLE: Self = Self {
+        whole: true,
+        half: false,
+    };
+
+    /// Variance that it adds to a sample of about `level_dn`, DN²: that of a number which may lie
+    /// anywhere between two that can be stored, a twelfth of their distance squared.
+    pub fn variance(&self, level_dn: f64) -> f64 {
+        let whole = f64::from(u8::from(self.whole));
+        let step = if self.half {
+            whole.max(half_step(level_dn))
+        } else {
+            whole
+        };
+        step * step / 12.0
+    }
+}
+
+/// Distance of the half-precision numbers about `level`, which are as near at 0 as at 2⁻¹⁴.
+fn half_step(level: f64) -> f64 {
+    // The exponent stands in the bits of a float: no logarithm, which may be off by a rounding.
+    let exponent = (level.to_bits() >> 52 & 0x7ff) as i32 - 1023;
+    f64::from(exponent.max(-14) - 10).exp2()
 }
 
 impl From<Vec<u16>> for Samples {
@@ -167,4 +226,59 @@ pub struct Sensor {
     pub white_level_dn: f64,
     /// Standard deviation of the pixels' relative sensitivity (photo-response non-uniformity).
     pub prnu_relative: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_show_how_they_were_rounded() {
+        let none = Rounding::default();
+        let half = Rounding { half: true, ..none };
+        let both = Rounding {
+            whole: true,
+            half: true,
+        };
+        for (samples, expected) in [
+            (vec![100.5, 0.1], none),
+            (vec![100.5, 0.125], half),
+            (vec![-0.5, 2050.0], half),
+            (vec![0.0, 0.0], none),
+            (vec![0.0, 1.0], half),
+            (vec![1000.0, 2050.0], both),
+            (vec![1000.0, 2049.0], Rounding::WHOLE),
+        ] {
+            let found = Samples::F32(samples.clone()).rounding();
+            assert_eq!(found, expected, "{samples:?}");
+        }
+        assert_eq!(Samples::from(vec![0]).rounding(), Rounding::WHOLE);
+    }
+
+    #[test]
+    fn halves_are_farther_apart_where_they_are_larger() {
+        let half = Rounding {
+            whole: false,
+            half: true,
+        };
+        let step = |level: f64| (12.0 * half.variance(level)).sqrt();
+        for (level, expected) in [
+            (1.0, 2_f64.powi(-10)),
+            (-1.99, 2_f64.powi(-10)),
+            (2.0, 2_f64.powi(-9)),
+            (2047.9, 1.0),
+            (2048.0, 2.0),
+            (65_504.0, 32.0),
+            (0.0, 2_f64.powi(-24)),
+        ] {
+            let found = step(level);
+            assert!((found / expected - 1.0).abs() < 1e-12, "{level}: {found}");
+        }
+        let both = Rounding {
+            whole: true,
+            half: true,
+        };
+        assert_eq!((12.0 * both.variance(10.0)).sqrt(), 1.0);
+        assert_eq!(Rounding::default().variance(1e4), 0.0);
+    }
 }

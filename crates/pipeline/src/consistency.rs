@@ -231,7 +231,7 @@ impl Consistency {
         if matches!(self.first, Some((_, Depth::Half))) {
             notes.push(
                 "the samples are floating-point numbers of 16 bits, which round counts beyond 2048 to \
-                 11 bits: that rounding is not in u; save 32 bits, or whole numbers"
+                 11 bits: that rounding is in u; 32 bits, or whole numbers, would not have it"
                     .to_owned(),
             );
         }

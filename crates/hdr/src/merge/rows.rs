@@ -589,7 +589,7 @@ mod tests {
             };
             let n = 84 * height;
             let mut sets = Sets::new();
-            sets.extend(Set {
+            sets.extend(&Set {
                 time: 0.5,
                 ..Set::default()
             });
@@ -604,7 +604,7 @@ mod tests {
                     }
                 })
                 .collect();
-            let tables = sets.extend(Set {
+            let tables = sets.extend(&Set {
                 time: 1.0,
                 ..Set::default()
             });

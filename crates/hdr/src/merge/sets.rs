@@ -1,7 +1,7 @@
 //! Which frames a sample was measured in.
 
 /// A set of frames, by what its samples have in common.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Set {
     /// Σt, s; 0 for the empty set.
     pub(super) time: f64,
@@ -9,6 +9,8 @@ pub(super) struct Set {
     pub(super) read: f64,
     /// Σt of frames and of darks, by which dark current counts, s.
     pub(super) dark_time: f64,
+    /// Numbers of those frames whose rounding depends on the sample.
+    pub(super) frames: Vec<u16>,
 }
 
 /// The sets that occur, by number; 0 is the empty one.
@@ -54,7 +56,7 @@ impl Sets {
     ///
     /// Where 65536 numbers are not enough, which takes as many sets, a set is its own
     /// successor: its samples then go without the frame.
-    pub(super) fn extend(&mut self, frame: Set) -> Tables {
+    pub(super) fn extend(&mut self, frame: &Set) -> Tables {
         let count = self.list.len();
         let mut with_frame: Vec<u16> = (0..count).map(|number| number as u16).collect();
         let unused: Vec<bool> = {
@@ -72,11 +74,12 @@ impl Sets {
             }) else {
                 break;
             };
-            let set = self.list[number];
+            let set = &self.list[number];
             self.list[usize::from(next)] = Set {
                 time: set.time + frame.time,
                 read: set.read + frame.read,
                 dark_time: set.dark_time + frame.dark_time,
+                frames: [&set.frames[..], &frame.frames].concat(),
             };
             with_frame[number] = next;
         }
@@ -115,18 +118,20 @@ mod tests {
             time,
             read: 1.0,
             dark_time: 2.0 * time,
+            frames: vec![time as u16],
         };
-        let first = sets.extend(frame(1.0));
+        let first = sets.extend(&frame(1.0));
         assert_eq!((first.with_frame[0], first.per_time[1]), (1, 1.0));
         sets.retain(&[5, 5]);
-        let second = sets.extend(frame(3.0));
+        let second = sets.extend(&frame(3.0));
         let [empty, both] = [second.with_frame[0], second.with_frame[1]];
         assert_eq!((empty, both), (2, 3));
         assert_eq!(sets.list()[3].time, 4.0);
         assert_eq!(sets.list()[3].dark_time, 8.0);
+        assert_eq!(sets.list()[3].frames, [1, 3]);
         // Nobody is left with the first frame alone.
         sets.retain(&[5, 0, 5, 5]);
-        let third = sets.extend(frame(8.0));
+        let third = sets.extend(&frame(8.0));
         assert!(third.with_frame.contains(&1), "{:?}", third.with_frame);
         assert_eq!(third.len(), sets.list().len());
     }
@@ -139,11 +144,11 @@ mod tests {
             ..Set::default()
         };
         for doubling in 0..16 {
-            let tables = sets.extend(frame);
+            let tables = sets.extend(&frame);
             assert_eq!(tables.len(), 2 << doubling);
             sets.retain(&vec![1; tables.len()]);
         }
-        let full = sets.extend(frame);
+        let full = sets.extend(&frame);
         assert_eq!(full.len(), 1 << 16);
         assert!((0..=u16::MAX).all(|n| full.with_frame[usize::from(n)] == n));
     }
