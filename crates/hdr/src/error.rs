@@ -23,6 +23,17 @@ pub enum MergeError {
         /// Width, height and channels of the first.
         expected: (usize, usize, usize),
     },
+    /// A dark is of another size than its frame.
+    #[error(
+        "its dark is {} x {} with {} channels, and the frame {} x {} with {}: take a dark of the same size, or save both alike",
+        dark.0, dark.1, dark.2, frame.0, frame.1, frame.2
+    )]
+    DarkSize {
+        /// Width, height and channels of the dark.
+        dark: (usize, usize, usize),
+        /// Width, height and channels of the frame.
+        frame: (usize, usize, usize),
+    },
     /// A frame holds another number of samples than its size says.
     #[error("frame holds {found} samples, its size says {expected}")]
     Samples {

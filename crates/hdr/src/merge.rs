@@ -222,9 +222,9 @@ impl Merge {
         check_frame(frame)?;
         check_size(frame, self.size)?;
         if dark.size() != self.size {
-            return Err(MergeError::Size {
-                found: dark.size(),
-                expected: self.size,
+            return Err(MergeError::DarkSize {
+                dark: dark.size(),
+                frame: self.size,
             });
         }
         if !dark.serves(exposure_s) {

@@ -1,6 +1,6 @@
 //! A frame less its dark, and what two of them say of each other.
 
-use crate::dark::{DarkFrame, check_exposure, check_frame, check_size};
+use crate::dark::{DarkFrame, check_exposure, check_frame, size};
 use crate::error::MergeError;
 use crate::lanes::largest_of;
 use physics::Frame;
@@ -74,7 +74,13 @@ impl Net {
     ) -> Result<Self, MergeError> {
         check_exposure(exposure_s)?;
         check_frame(frame)?;
-        check_size(frame, dark.size())?;
+        let size = size(frame);
+        if dark.size() != size {
+            return Err(MergeError::DarkSize {
+                dark: dark.size(),
+                frame: size,
+            });
+        }
         let white = white_dn as f32;
         let length = frame.width * frame.channels;
         let samples = length * rows(dark.size()).count();

@@ -9,7 +9,7 @@
 
 mod shift;
 
-use crate::dark::DarkFrame;
+use crate::dark::{DarkFrame, check_size};
 use crate::error::MergeError;
 use crate::estimate::Estimate;
 use crate::net::{Net, Pair, Spare};
@@ -133,6 +133,10 @@ impl Overlap {
         dark: &DarkFrame,
         exposure_s: f64,
     ) -> Result<(), MergeError> {
+        // Before its dark is looked at: the frame itself may be the one that differs.
+        if let Some(previous) = &self.previous {
+            check_size(frame, previous.size)?;
+        }
         let mut spare = std::mem::take(&mut self.spare);
         if let Some(previous) = &mut self.previous {
             spare.take_dark(previous);

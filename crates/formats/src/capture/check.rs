@@ -949,4 +949,22 @@ dark   = [ { file = "dark_04.tif", exposure_s = 0.004 } ]
         bare.sample.dark[0].exposure_s = 1e-7;
         assert_eq!(parse_capture(&bare.to_toml()).unwrap(), bare);
     }
+
+    /// A fault of a frame is told by the line of that frame, not of its list or of the first one.
+    #[test]
+    fn a_fault_of_a_frame_is_told_by_its_own_line() {
+        let second = "{ file = \"sample_02.tif\", exposure_s = 0.002 }";
+        let line = 1 + GOOD.lines().position(|l| l.contains(second)).unwrap();
+        for (wrong, words) in [
+            ("{ file = \"b\", exposure_s = \"long\" }", "string \"long\""),
+            ("{ file = 2, exposure_s = 0.002 }", "integer `2`"),
+            ("{ exposure_s = 0.002 }", "missing field `file`"),
+            ("{ file = \"b\", exposure = 0.002 }", "mean `exposure_s`?"),
+            ("\"b\"", "expected { file, exposure_s }"),
+        ] {
+            let found = message(second, wrong);
+            let here = found.contains(&format!("line {line}"));
+            assert!(here && found.contains(words), "{line}: {found}");
+        }
+    }
 }

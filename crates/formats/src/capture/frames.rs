@@ -17,7 +17,7 @@ pub enum Frames {
 
 /// One frame as written.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "{ file, exposure_s }")]
 pub struct WrittenFrame {
     /// The file, relative to the folder of the manifest.
     pub file: String,

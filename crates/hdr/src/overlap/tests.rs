@@ -285,6 +285,25 @@ fn a_shutter_that_repeats_its_errors_leaves_no_doubt_about_the_scale() {
 }
 
 #[test]
+fn a_dark_of_another_size_is_not_the_fault_of_its_frame() {
+    let of = |width| Frame {
+        width,
+        height: 4,
+        channels: 1,
+        samples: vec![400; 4 * width].into(),
+    };
+    let dark = |width| DarkFrame::new(&of(width), 1.0).unwrap();
+    let mut overlap = Overlap::new(&SENSOR);
+    let error = overlap.add(&of(6), &dark(5), 1.0).unwrap_err().to_string();
+    assert!(error.contains("its dark is 5 x 4 with 1"), "{error}");
+    overlap.add(&of(6), &dark(6), 1.0).unwrap();
+    let error = overlap.add(&of(6), &dark(5), 1.0).unwrap_err().to_string();
+    assert!(error.contains("its dark is 5 x 4 with 1"), "{error}");
+    let error = overlap.add(&of(5), &dark(6), 1.0).unwrap_err().to_string();
+    assert!(error.contains("frame is 5 x 4 with 1"), "{error}");
+}
+
+#[test]
 fn frames_without_overlap_say_nothing() {
     let rng = &mut Pcg64Mcg::seed_from_u64(1);
     let pattern = vec![1.0; SIDE * SIDE];
