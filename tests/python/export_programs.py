@@ -81,7 +81,7 @@ def blender(command, folder):
     """Cycles under an even sky, seen along the normal: by reciprocity the same total."""
     import bpy
 
-    for name in ("Apple", "Chicken1"):
+    for name in ("Apple", "Chicken1", "Potato", "Skin1", "Marble"):
         script = exported(command, folder, "blender", f"{name}.py", "--scene-unit-mm", "10", "--material", name)
         bpy.ops.wm.read_factory_settings(use_empty=True)
         exec(compile(script.read_text(), str(script), "exec"), {})

@@ -3,13 +3,15 @@
 use crate::error::{Blame, Error, Kind, Result};
 use crate::files::read;
 use formats::export::{
-    Band, Bands, Header, OpticalProperties, Shade, arnold, blender, mcx, openpbr, renderman, vts,
+    Band, Bands, Header, IndexMatched, OpticalProperties, Shade, arnold, blender, mcx, openpbr,
+    renderman, vts,
 };
 use formats::{materials_csv, materials_json, mitsuba, pbrt};
-use physics::{DiffuseFresnel, Material};
+use physics::{Coefficients, DiffuseFresnel, ForwardModel, Material};
 use std::collections::BTreeSet;
 use std::path::Path;
-use tables::{derived, fresnel_of};
+use tables::{Derived, albedo_without_surface, derived, fresnel_of};
+use transport::TransportModel;
 
 /// A program that materials are written for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,10 +47,6 @@ pub struct Export {
 const EVEN_COLORS: f64 = 2.0;
 /// Above this colour Cycles' random walk loses more than 5 % of the light.
 const CYCLES_CEILING: f64 = 0.90;
-/// From this ratio on of the colour to the total of the medium under its surface Cycles' pictures are
-/// visibly too bright.
-const LEAST_BRIGHTER: f64 = 1.05;
-
 /// The rows of the table in `path`: csv, json, a scene of pbrt or one of Mitsuba, by its ending.
 ///
 /// Scenes do not state how long their unit is, so that `scene_unit_mm` has to; tables do.
@@ -137,9 +135,10 @@ fn header(target: Target, scene_unit_mm: f64, from: &str) -> Header {
             "subsurface_color = albedo without a surface, (1 - s)(1 - 0.139 s)/(1 + 1.17 s) with s = sqrt(1 - albedo') (van de Hulst 1980).",
         ],
         Target::Blender => &[
-            "Run it in Blender 4.0 or later (Scripting). Radius times scale = 4 pi/(sigma_a + sigma_s') in units of the scene:",
-            "Cycles' random walk divides by 4 pi what it is given (bssrdf_setup_radius).",
-            "Color = albedo without a surface, (1 - s)(1 - 0.139 s)/(1 + 1.17 s) with s = sqrt(1 - albedo') (van de Hulst 1980).",
+            "Run it in Blender 4.0 or later (Scripting). Cycles' random walk lets out all that comes to the surface from inside:",
+            "it is given the medium that, let out so, returns as much light along the normal as this one, and has its diffusion length.",
+            "Color = albedo of that medium, (1 - s)(1 - 0.139 s)/(1 + 1.17 s) with s = sqrt(1 - its albedo') (van de Hulst 1980).",
+            "Radius times scale = 4 pi/(its sigma_a + sigma_s') in units of the scene: it divides by 4 pi what it is given (bssrdf_setup_radius).",
         ],
         Target::Arnold => &[
             "subsurface_radius = mean free path 1/(sigma_a + sigma_s') in units of the scene.",
@@ -185,19 +184,11 @@ fn limits(shade: &Shade, target: Target) -> Vec<String> {
             }
         }
         Target::Blender => {
-            let color = most(|b| b.color);
+            let color = most(|b| b.index_matched.color);
             if color > CYCLES_CEILING {
                 found.push(format!(
                     "{name}: a colour of {color:.3} is more than Cycles' random walk gives back, which ends near \
                      {CYCLES_CEILING:.2} (a colour of 0.95 gave 0.897 under an even sky in Blender 4.5): that colour renders too dark"
-                ));
-            }
-            let brighter = most(|b| b.color / b.total_reflectance);
-            if brighter > LEAST_BRIGHTER {
-                found.push(format!(
-                    "{name}: Cycles reflects nothing back inside at the surface, and renders colours that absorb brighter \
-                     than they are: under an even sky in Blender 4.5 by 5 % where 0.86 of the light comes back, 22 % at 0.54, 40 % at 0.32 and \
-                     60 % at 0.13"
                 ));
             }
         }
@@ -302,10 +293,8 @@ fn notes(rows: &[&Material]) -> Vec<String> {
 }
 
 fn band(row: &Material) -> Band {
-    let follows = derived(
-        &row.medium,
-        fresnel_of(&row.model).unwrap_or(DiffuseFresnel::Exact),
-    );
+    let fresnel = fresnel_of(&row.model).unwrap_or(DiffuseFresnel::Exact);
+    let follows = derived(&row.medium, fresnel);
     Band {
         sigma_a_per_mm: row.medium.sigma_a,
         sigma_s_prime_per_mm: row.medium.sigma_s_prime,
@@ -314,6 +303,45 @@ fn band(row: &Material) -> Band {
         color: follows.albedo_without_surface,
         diffusion_length_mm: follows.diffusion_length_mm,
         total_reflectance: follows.total_reflectance,
+        index_matched: index_matched(row, &follows),
+    }
+}
+
+/// Share of the light that may be absorbed so little that no program tells it from none.
+const LEAST_ABSORBED: f64 = 1e-6;
+
+/// See [`IndexMatched`]; the totals of both are those of transport.
+fn index_matched(row: &Material, follows: &Derived) -> IndexMatched {
+    let total = |albedo_prime: f64, model: &TransportModel| {
+        let medium = Coefficients {
+            sigma_a: 1.0 - albedo_prime,
+            sigma_s_prime: albedo_prime,
+        };
+        model.within(medium, f64::INFINITY).value
+    };
+    let albedo_prime = follows.albedo_prime.min(1.0 - LEAST_ABSORBED);
+    // Where the table does not reach, the dipole has to do.
+    let g = row.g.unwrap_or(0.0);
+    let wanted = TransportModel::new(row.medium.eta, g)
+        .map_or(follows.total_reflectance, |model| {
+            total(albedo_prime, &model)
+        });
+    let matched = TransportModel::new(1.0, 0.0).expect("a table that reaches to air");
+    // Between what is black and what is white, in the root of what is absorbed.
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let root: f64 = 0.5 * (low + high);
+        if total(1.0 - root * root, &matched) > wanted {
+            low = root;
+        } else {
+            high = root;
+        }
+    }
+    // 1/(mean free path x root) is what both have in common: sqrt(3) diffusion lengths.
+    let longer = high / (1.0 - albedo_prime).sqrt();
+    IndexMatched {
+        color: albedo_without_surface(1.0 - high * high),
+        mean_free_path_mm: longer * follows.mean_free_path_mm,
     }
 }
 
@@ -397,13 +425,6 @@ mod tests {
             let warned = warnings.join("\n");
             assert!(warned.contains(expected), "{warned}");
             assert_eq!(warned.is_empty(), expected.is_empty(), "{warned}");
-            // A white loses next to nothing inside its surface; everything darker does.
-            let brighter = |name| warned.contains(&format!("{name}: Cycles reflects nothing"));
-            let blender = target == Target::Blender;
-            assert_eq!(
-                (brighter("Chicken1"), brighter("Spectralon")),
-                (blender, false)
-            );
         }
     }
 

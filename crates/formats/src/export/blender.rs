@@ -10,7 +10,9 @@ use std::f64::consts::PI;
 /// Cycles' random walk takes 4π times the mean free path as its radius, in units of the scene: it
 /// divides what it is given by 4π, so that it looks like the models that it had before
 /// (`bssrdf_setup_radius` in its `bssrdf.h`). Its colour is the albedo of a half-space without a
-/// reflecting surface (`subsurface_random_walk_remap`).
+/// reflecting surface (`subsurface_random_walk_remap`); light is refracted on its way in, but what
+/// comes to the surface from inside always leaves. What is written is the [`super::IndexMatched`]
+/// medium.
 ///
 /// # Errors
 ///
@@ -23,11 +25,11 @@ pub fn write(header: &Header, shades: &[Shade]) -> Result<String, SpectrumError>
         for note in &shade.notes {
             out += &format!("    # {note}\n");
         }
-        let radius = |b: &Band| 4.0 * PI * b.mean_free_path_mm / header.scene_unit_mm;
+        let radius = |b: &Band| 4.0 * PI * b.index_matched.mean_free_path_mm / header.scene_unit_mm;
         out += &format!(
             "    \"{}\": {{\n        \"color\": ({}),\n        \"radius\": ({}),\n        \"ior\": {},\n    }},\n",
             shade.name,
-            triple(bands, |b| b.color, ", "),
+            triple(bands, |b| b.index_matched.color, ", "),
             triple(bands, radius, ", "),
             number(shade.eta),
         );
@@ -76,13 +78,14 @@ mod tests {
             .split(['(', ')', ','])
             .filter_map(|part| part.trim().parse().ok())
             .collect();
-        for (found, mean_free_path_mm) in numbers.iter().zip([0.5, 0.5, 0.25]) {
+        for (found, mean_free_path_mm) in numbers.iter().zip([0.75, 0.75, 0.375]) {
             assert!(
                 (found * 10.0 / (4.0 * PI) - mean_free_path_mm).abs() < 1e-12,
                 "{line}"
             );
         }
         assert_eq!(numbers.len(), 3);
+        assert!(text.contains("\"color\": (0.85, 0.85, 0.85)"), "{text}");
         assert!(text.contains("    # a note\n    \"Marble\": {\n"), "{text}");
     }
 }

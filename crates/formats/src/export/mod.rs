@@ -96,6 +96,18 @@ pub struct Band {
     pub diffusion_length_mm: Option<f64>,
     /// Total diffuse reflectance per power that enters, of the dipole.
     pub total_reflectance: f64,
+    /// The same medium for a program that does not reflect back inside at the surface.
+    pub index_matched: IndexMatched,
+}
+
+/// A medium without a reflecting surface that gives back as much of the light that enters along the
+/// normal as another one under its surface, and falls off over the same diffusion length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IndexMatched {
+    /// Its albedo under diffuse light.
+    pub color: f64,
+    /// Its transport mean free path, mm.
+    pub mean_free_path_mm: f64,
 }
 
 /// A medium as a photon simulator takes it.
@@ -208,6 +220,10 @@ pub(crate) mod tests {
             color: 0.9,
             diffusion_length_mm: length,
             total_reflectance: 0.8,
+            index_matched: IndexMatched {
+                color: 0.85,
+                mean_free_path_mm: 1.5 / (sigma_a + sigma_s_prime),
+            },
         };
         Shade {
             name: "Marble".into(),
