@@ -29,7 +29,18 @@ fn main() -> ExitCode {
     }
 }
 
+/// Lets a write beyond the limit of a file's size (`ulimit -f`) fail as one to a full disk does, which
+/// is answered and cleaned up after; the signal would end the process where it stands.
+#[cfg(unix)]
+fn outlive_the_limit_of_file_sizes() -> Result<()> {
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default())
+        .map_err(|e| pipeline::Error::new(Kind::Fault, e))?;
+    Ok(())
+}
+
 fn run(cli: Cli) -> Result<()> {
+    #[cfg(unix)]
+    outlive_the_limit_of_file_sizes()?;
     let common = args::Common {
         on_screen: std::io::stdout().is_terminal(),
         ..cli.common

@@ -626,6 +626,34 @@ fn media_that_cannot_be_simulated() {
     refused(path, &call(["--simd", "mmx"]), 2, &["mmx", "portable"]);
 }
 
+/// A file may not grow as far as an output has to, which is all the same as a full disk.
+#[test]
+#[cfg(unix)]
+fn a_limit_of_file_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    copy_capture(path);
+    let before = names(path);
+    let mut shell = std::process::Command::new("sh");
+    let binary = env!("CARGO_BIN_EXE_beamspot");
+    let output = shell
+        .current_dir(path)
+        .args([
+            "-c",
+            "ulimit -f 64; exec \"$0\" hdr capture.toml -o out.exr",
+            binary,
+        ])
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(
+        error.contains("out.exr") && error.contains("too large"),
+        "{error}"
+    );
+    assert_eq!(names(path), before);
+}
+
 #[test]
 fn the_capture_itself_is_good() {
     let folder = tempfile::tempdir().unwrap();
