@@ -36,19 +36,20 @@ fn counts(frame: &Frame) -> Result<&[u16], EstimateError> {
 /// a few electrons.
 const CLIP: f32 = 6.0;
 
-/// Mean, variance and number of `values` without outliers; `None` for fewer than two.
+/// Mean, variance and number of `values`, which come of counts that are multiples of `step_dn`,
+/// without outliers; `None` for fewer than two.
 ///
 /// The order of `values` changes.
-fn clipped_moments(values: &mut [f32]) -> Option<(f64, f64, u64)> {
+fn clipped_moments(values: &mut [f32], step_dn: u16) -> Option<(f64, f64, u64)> {
     if values.len() < 2 {
         return None;
     }
     let median = median(values, f32::total_cmp);
     let mut distances: Vec<f32> = values.iter().map(|v| (v - median).abs()).collect();
-    // 1.4826 median absolute deviations are one standard deviation of a Gaussian. Whole numbers
-    // that hardly vary have a deviation of 0, though half of them may lie one step off.
+    // 1.4826 median absolute deviations are one standard deviation of a Gaussian. Counts that
+    // hardly vary have a deviation of 0, though half of them may lie one step off.
     let spread = 1.4826 * self::median(&mut distances, f32::total_cmp);
-    let limit = CLIP * spread.max(0.5);
+    let limit = CLIP * spread.max(0.5 * f32::from(step_dn));
     let (mut n, mut sum, mut square) = (0_u64, 0.0, 0.0);
     for value in values.iter() {
         let distance = value - median;

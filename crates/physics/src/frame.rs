@@ -73,10 +73,11 @@ impl Samples {
 
     /// How the samples were rounded when they were stored, as they show it themselves.
     ///
-    /// Floating-point numbers are looked through until two of them show that nothing was rounded.
+    /// They are looked through until some show that nothing was rounded, or not so coarsely.
     pub fn rounding(&self) -> Rounding {
-        let Self::F32(samples) = self else {
-            return Rounding::WHOLE;
+        let samples = match self {
+            Self::U16(counts) => return Rounding::of_counts(counts),
+            Self::F32(samples) => samples,
         };
         let (mut whole, mut half, mut largest) = (true, true, 0.0_f32);
         for block in samples.chunks(4096) {
@@ -91,7 +92,7 @@ impl Samples {
         }
         Rounding {
             // The 0 and 1 of a mask, or of full and empty pixels, are no counts.
-            whole: whole && largest >= LEAST_COUNT,
+            step_dn: u16::from(whole && largest >= LEAST_COUNT),
             half: half && largest > 0.0,
         }
     }
@@ -103,11 +104,17 @@ const BELOW_HALF: u32 = (1 << 13) - 1;
 /// The least largest sample of a frame of counts, DN.
 const LEAST_COUNT: f32 = 64.0;
 
+/// How many counts there are, and how many steps lie between the smallest and the largest of them,
+/// from where a step that they share is no chance.
+const ENOUGH: usize = 256;
+const LEAST_STEPS: u16 = 64;
+
 /// What was taken off samples when they were stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rounding {
-    /// They are whole numbers.
-    pub whole: bool,
+    /// All are multiples of it, DN: 1 for whole numbers, 16 for 12-bit counts in the high bits of
+    /// 16, 0 for others.
+    pub step_dn: u16,
     /// They have the 11 significant bits of a half-precision number (IEEE 754 binary16).
     pub half: bool,
 }
@@ -115,18 +122,39 @@ pub struct Rounding {
 impl Rounding {
     /// That of counts.
     pub const WHOLE: Self = Self {
-        whole: true,
+        step_dn: 1,
         half: false,
     };
+
+    fn of_counts(counts: &[u16]) -> Self {
+        let mut bits = 0;
+        for block in counts.chunks(4096) {
+            bits |= block.iter().fold(0, |all, count| all | count);
+            if bits & 1 == 1 {
+                return Self::WHOLE;
+            }
+        }
+        let step_dn = 1_u16.checked_shl(bits.trailing_zeros()).unwrap_or(1);
+        let least = counts.iter().min().copied().unwrap_or(0);
+        let most = counts.iter().max().copied().unwrap_or(0);
+        // A few even numbers are no sign of coarse ones.
+        if counts.len() < ENOUGH || (most - least) / step_dn < LEAST_STEPS {
+            return Self::WHOLE;
+        }
+        Self {
+            step_dn,
+            half: false,
+        }
+    }
 
     /// Variance that it adds to a sample of about `level_dn`, DN²: that of a number which may lie
     /// anywhere between two that can be stored, a twelfth of their distance squared.
     pub fn variance(&self, level_dn: f64) -> f64 {
-        let whole = f64::from(u8::from(self.whole));
+        let even = f64::from(self.step_dn);
         let step = if self.half {
-            whole.max(half_step(level_dn))
+            even.max(half_step(level_dn))
         } else {
-            whole
+            even
         };
         step * step / 12.0
     }
@@ -237,7 +265,7 @@ mod tests {
         let none = Rounding::default();
         let half = Rounding { half: true, ..none };
         let both = Rounding {
-            whole: true,
+            step_dn: 1,
             half: true,
         };
         for (samples, expected) in [
@@ -252,13 +280,29 @@ mod tests {
             let found = Samples::F32(samples.clone()).rounding();
             assert_eq!(found, expected, "{samples:?}");
         }
-        assert_eq!(Samples::from(vec![0]).rounding(), Rounding::WHOLE);
+        let counts = |step: u16, most: u16| -> Samples {
+            (0..=most).map(|k| k * step).collect::<Vec<_>>().into()
+        };
+        let sixteen = Rounding {
+            step_dn: 16,
+            ..none
+        };
+        for (samples, expected) in [
+            (counts(1, 300), Rounding::WHOLE),
+            (counts(16, 300), sixteen),
+            (counts(16, 30), Rounding::WHOLE),
+            (vec![0].into(), Rounding::WHOLE),
+            (vec![4096; 500].into(), Rounding::WHOLE),
+            (vec![0, 4096].into(), Rounding::WHOLE),
+        ] {
+            assert_eq!(samples.rounding(), expected, "{samples:?}");
+        }
     }
 
     #[test]
     fn halves_are_farther_apart_where_they_are_larger() {
         let half = Rounding {
-            whole: false,
+            step_dn: 0,
             half: true,
         };
         let step = |level: f64| (12.0 * half.variance(level)).sqrt();
@@ -275,7 +319,7 @@ mod tests {
             assert!((found / expected - 1.0).abs() < 1e-12, "{level}: {found}");
         }
         let both = Rounding {
-            whole: true,
+            step_dn: 1,
             half: true,
         };
         assert_eq!((12.0 * both.variance(10.0)).sqrt(), 1.0);

@@ -61,7 +61,10 @@ impl Darks {
         if zero > CLIPPED {
             return Err(EstimateError::BlackClipped { share: zero });
         }
-        if let Some((dn, variance, n)) = clipped_moments(&mut values) {
+        // Of frames as even as these a step may be a chance, and then a wider limit does no harm.
+        let bits = counts.iter().fold(0, |all, count| all | count);
+        let step_dn = 1_u16.checked_shl(bits.trailing_zeros()).unwrap_or(1);
+        if let Some((dn, variance, n)) = clipped_moments(&mut values, step_dn) {
             self.means.push(Mean {
                 exposure_s,
                 dn,
@@ -74,7 +77,7 @@ impl Darks {
                 values.clear();
                 values.extend(both.map(|(a, b)| f32::from(*b) - f32::from(*a)));
                 let first = self.means.len() - 2;
-                if let Some((_, variance_dn2, samples)) = clipped_moments(&mut values) {
+                if let Some((_, variance_dn2, samples)) = clipped_moments(&mut values, step_dn) {
                     self.pairs.push(DarkPair {
                         same_exposure: *before_s == exposure_s,
                         mean_dn: 0.5 * (self.means[first].dn + dn),

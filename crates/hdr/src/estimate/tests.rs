@@ -23,6 +23,8 @@ struct Camera {
     sensitivity: Vec<f64>,
     offset_dn: Vec<f64>,
     dark_e_per_s: Vec<f64>,
+    /// Every count is a multiple of it, DN.
+    step: u16,
     rng: Pcg64Mcg,
 }
 
@@ -46,6 +48,7 @@ impl Camera {
             sensitivity: sensitivity.iter().map(|s| 1.0 + s).collect(),
             offset_dn,
             dark_e_per_s: (0..pixels).map(hot).collect(),
+            step: 1,
             rng,
         }
     }
@@ -68,7 +71,7 @@ impl Camera {
                 };
                 let read = self.read_e * self.rng.sample::<f64, _>(StandardNormal);
                 let dn = self.black + self.offset_dn[i] + (electrons + read) / self.gain;
-                dn.round().clamp(0.0, self.max_dn) as u16
+                dn.round().clamp(0.0, self.max_dn) as u16 * self.step
             })
             .collect();
         Frame {
@@ -123,6 +126,19 @@ const CAMERAS: [(f64, f64, f64, f64); 3] = [
     (1.6, 12.0, 80_000.0, 65_535.0),
     (7.7, 2.0, 30_000.0, 4095.0),
 ];
+
+/// Rounding that is coarser than whole numbers is no read noise either.
+#[test]
+fn counts_in_the_high_bits_show_the_same_read_noise() {
+    for seed in 0..3 {
+        let mut camera = Camera::new(7.7, 2.0, 30_000.0, 4095.0, seed);
+        camera.step = 16;
+        let found = estimate(&mut camera);
+        let (g, r) = (found.noise.gain_e_per_dn, found.noise.read_noise_e);
+        assert!((16.0 * g.value / 7.7 - 1.0).abs() < 0.02, "{g:?}");
+        assert!((r.value / 2.0 - 1.0).abs() < 0.1, "{r:?}");
+    }
+}
 
 #[test]
 fn gain_and_read_noise_come_back_with_true_uncertainties() {

@@ -61,6 +61,8 @@ pub struct Noise {
 pub struct Transfer {
     black_dn: f64,
     white_dn: f64,
+    /// The largest step that the counts of a frame share, DN.
+    step_dn: u16,
     previous: Option<Net>,
     points: Vec<NoisePoint>,
 }
@@ -71,6 +73,7 @@ impl Transfer {
         Self {
             black_dn,
             white_dn,
+            step_dn: 1,
             previous: None,
             points: vec![],
         }
@@ -93,9 +96,10 @@ impl Transfer {
         exposure_s: f64,
     ) -> Result<(), EstimateError> {
         let net = Net::new(frame, dark, exposure_s, self.white_dn, Spare::default())?;
+        self.step_dn = self.step_dn.max(frame.samples.rounding().step_dn);
         if let Some(previous) = &self.previous {
             let pair = Pair::new(previous, &net, self.black_dn, self.white_dn)?;
-            let points = points(&pair, self.black_dn, self.white_dn);
+            let points = points(&pair, self.black_dn, self.white_dn, self.step_dn);
             self.points.extend(points);
         }
         self.previous = Some(net);
@@ -113,12 +117,12 @@ impl Transfer {
             return Err(EstimateError::NoOverlap);
         }
         let points: Vec<NoisePoint> = self.points.iter().chain(darks).copied().collect();
-        fit(&points)
+        fit(&points, f64::from(self.step_dn))
     }
 }
 
 /// The noise of one pair, in bins of brightness.
-fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
+fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64, step_dn: u16) -> Vec<NoisePoint> {
     let ratio = overlap::ratio(pair, black_dn, white_dn).unwrap_or_else(|| pair.nominal_ratio());
     let factor = ratio as f32;
     let share = factor / (1.0 + factor);
@@ -151,7 +155,7 @@ fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
         .filter(|(differences, _)| differences.len() >= LEAST)
         .filter_map(|(mut differences, charge)| {
             let count = differences.len() as f64;
-            let (_, variance_dn2, samples) = clipped_moments(&mut differences)?;
+            let (_, variance_dn2, samples) = clipped_moments(&mut differences, step_dn)?;
             Some(NoisePoint {
                 read_outs: long_reads + ratio * ratio * short_reads,
                 charge_dn: charge / count,
@@ -162,8 +166,8 @@ fn points(pair: &Pair<'_>, black_dn: f64, white_dn: f64) -> Vec<NoisePoint> {
         .collect()
 }
 
-/// The straight line through the points.
-fn fit(points: &[NoisePoint]) -> Result<Noise, EstimateError> {
+/// The straight line through the points, of counts that are multiples of `step_dn`.
+fn fit(points: &[NoisePoint], step_dn: f64) -> Result<Noise, EstimateError> {
     // Variance of one read-out and electrons per DN⁻¹, from a first guess that each point
     // knows its own variance best.
     let mut line: Option<(f64, f64)> = None;
@@ -207,7 +211,7 @@ fn fit(points: &[NoisePoint]) -> Result<Noise, EstimateError> {
         return Err(EstimateError::NoPhotonNoise);
     }
     let gain = 1.0 / slope;
-    let read_dn = before_rounding(read_variance).sqrt();
+    let read_dn = step_dn * before_rounding(read_variance / step_dn.powi(2)).sqrt();
     let read_noise_e = read_dn * gain;
     // d(read·gain) in terms of R and the slope, whose errors correlate. A read noise that
     // drowns in rounding is uncertain by what would show beside it.
@@ -230,8 +234,8 @@ fn fit(points: &[NoisePoint]) -> Result<Noise, EstimateError> {
     })
 }
 
-/// The variance of an analog value, DN², that varies by `variance` when read again and again in
-/// whole DN.
+/// The variance of an analog value that varies by `variance` when read again and again in whole
+/// numbers, in units of their steps squared.
 ///
 /// Rounding adds 1/12, less what stays the same in one pixel: a pixel with little noise is always
 /// rounded the same way, and a difference of two frames does not show it. For pixels at any
