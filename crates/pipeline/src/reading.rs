@@ -74,3 +74,50 @@ fn or_raw<'a>(
         other => other.input(path.display()),
     }
 }
+
+#[cfg(feature = "raw")]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::Samples;
+
+    const LOSSLESS: &[u8] = include_bytes!("../../../fixtures/frames/raw/lossless.dng");
+    const WHITE_LEVEL: u16 = 50717;
+    const LINEARIZATION: u16 = 50712;
+
+    /// The file with a table of twice each number in place of its white level.
+    fn with_table() -> Vec<u8> {
+        let mut bytes = LOSSLESS.to_vec();
+        let first = u32::from_le_bytes(bytes[4..8].try_into().unwrap()) as usize;
+        let count = usize::from(u16::from_le_bytes([bytes[first], bytes[first + 1]]));
+        let at = (0..count)
+            .map(|k| first + 2 + 12 * k)
+            .find(|at| bytes[*at..at + 2] == WHITE_LEVEL.to_le_bytes())
+            .unwrap();
+        let place = bytes.len() as u32;
+        bytes.extend((0..16_384_u16).flat_map(|count| (2 * count).to_le_bytes()));
+        bytes[at..at + 2].copy_from_slice(&LINEARIZATION.to_le_bytes());
+        bytes[at + 2..at + 4].copy_from_slice(&3_u16.to_le_bytes());
+        bytes[at + 4..at + 8].copy_from_slice(&16_384_u32.to_le_bytes());
+        bytes[at + 8..at + 12].copy_from_slice(&place.to_le_bytes());
+        bytes
+    }
+
+    /// The decoder fills the steps of a table with noise.
+    #[test]
+    fn a_table_is_applied_as_it_stands() {
+        let path = Path::new("frame.dng");
+        let (plain, _) = read_frame(LOSSLESS, path, vec![]).unwrap();
+        assert_eq!(plain.white_level_dn, Some(16_383.0));
+        let (found, _) = read_frame(&with_table(), path, vec![]).unwrap();
+        let (Samples::U16(plain), Samples::U16(doubled)) =
+            (&plain.frame.samples, &found.frame.samples)
+        else {
+            panic!("counts are whole numbers");
+        };
+        let expected: Vec<u16> = plain.iter().map(|count| 2 * count).collect();
+        assert_eq!(doubled[..], expected[..]);
+        assert_eq!(found.mosaic.unwrap().to_string(), "GRBG");
+        assert_eq!((found.step_dn, found.white_level_dn), (2, None));
+    }
+}

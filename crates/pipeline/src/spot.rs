@@ -78,6 +78,7 @@ fn in_map(map: &RadianceMap, background: Background) -> Result<Vec<Spot>> {
 /// differ by: enough to tell a spot from noise.
 fn map_of(frame: &Frame) -> RadianceMap {
     let samples = frame.samples.to_f32();
+    let rounding = frame.samples.rounding();
     let channels = channel_names(frame.channels)
         .iter()
         .enumerate()
@@ -98,10 +99,15 @@ fn map_of(frame: &Frame) -> RadianceMap {
             } else {
                 *steps.select_nth_unstable_by(middle, f32::total_cmp).1
             };
-            // A difference has √2 of the noise, and 1.4826 medians are a standard deviation;
-            // counts carry a rounding of 1/12 besides.
+            // A difference has √2 of the noise, and 1.4826 medians are a standard deviation; what
+            // was rounded away comes on top, that of `f32` at the least.
             let deviation = 1.4826 * median / std::f32::consts::SQRT_2;
-            let variance = deviation * deviation + 1.0 / 12.0;
+            let largest = value.iter().fold(0.0_f32, |most, v| most.max(v.abs()));
+            let finest = (largest * f32::EPSILON)
+                .max(f32::MIN_POSITIVE.sqrt())
+                .powi(2);
+            let rounded = rounding.variance(f64::from(largest)) as f32;
+            let variance = deviation * deviation + rounded.max(finest);
             ChannelMap {
                 name: (*name).to_owned(),
                 variance: vec![variance; value.len()],
@@ -114,5 +120,39 @@ fn map_of(frame: &Frame) -> RadianceMap {
         height: frame.height,
         channels,
         mosaic: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::Samples;
+
+    /// Counts, and the same as shares of the largest: one beam.
+    #[test]
+    fn a_beam_is_as_wide_in_any_unit() {
+        let side = 80;
+        let counts: Vec<f32> = (0..side * side)
+            .map(|i| {
+                let [x, y] = [i % side, i / side].map(|c| c as f32 - 39.3);
+                // A little unevenness, as no beam is without.
+                let uneven = ((i * 7919) % 13) as f32 - 6.0;
+                (100.0 + 400.0 * (-(x * x + y * y) / 72.0).exp() + uneven).round()
+            })
+            .collect();
+        let width = |samples: Samples| {
+            let frame = Frame {
+                width: side,
+                height: side,
+                channels: 1,
+                samples,
+            };
+            let spots = in_map(&map_of(&frame), Background::Threshold).unwrap();
+            spots[0].moments.d4sigma_px[0]
+        };
+        let whole: Vec<u16> = counts.iter().map(|count| *count as u16).collect();
+        let shares = counts.iter().map(|count| count / 65_535.0).collect();
+        let (whole, shares) = (width(whole.into()), width(Samples::F32(shares)));
+        assert!((shares / whole - 1.0).abs() < 1e-4, "{shares} for {whole}");
     }
 }
