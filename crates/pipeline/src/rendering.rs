@@ -32,7 +32,7 @@ use rayon::prelude::*;
 use render::bssrdf::{Bssrdf, Diffusion, Exit, Family, Profile, Sampling};
 use render::{
     Brdf, Gather, Kind as BrdfKind, Layered, Material, Method, MonteCarlo, Options, Picture,
-    PointCloud, Scene, Shaded,
+    PointCloud, Pooled, Scene, Shaded,
 };
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
@@ -321,7 +321,7 @@ fn method<'a>(loaded: &'a Loaded, options: &RenderOptions) -> Result<Box<dyn Met
         MethodChoice::Bssrdf(model, sampling) => {
             let shader = bssrdf(scene, model, sampling);
             let shader = shader.map_err(|e| e.within(loaded.path.display()))?;
-            Box::new(Shaded::new(scene, shader, seed, components))
+            Box::new(Pooled::new(scene, shader, seed, components))
         }
         MethodChoice::PointCloud(model, gather) => {
             let shader = bssrdf(scene, model, Sampling::Axes);

@@ -5,9 +5,9 @@ use crate::boundary::part;
 use crate::light::{Light, Spot};
 use crate::scene::{Object, Scene};
 use crate::shape::{Hit, Mesh, Shape};
-use crate::surface::{Point, Shader, arrives, in_triangle, through_surface};
+use crate::surface::{Point, Shader, Weighted, arrives, in_triangle, through_surface};
 use physics::fresnel;
-use physics::random::{Stream, stream, uniform};
+use physics::random::{Stream, uniform};
 use physics::{HenyeyGreenstein, Medium, PhaseFunction};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
@@ -119,6 +119,11 @@ impl Profile {
             total: self.total,
             sigma_tr: self.sigma_tr * per_mm,
         }
+    }
+
+    /// σₜᵣ, mm⁻¹.
+    pub(crate) fn sigma_tr(&self) -> f64 {
+        self.sigma_tr
     }
 
     /// First and last radius of the table, mm: R_d is the same below, and 0 beyond.
@@ -414,20 +419,9 @@ pub struct Bssrdf {
     single: bool,
     sampling: Sampling,
     /// Of each mesh, from the first draw on.
-    triangles: Vec<OnceLock<Triangles>>,
+    triangles: Vec<OnceLock<Weighted>>,
 }
 
-/// The triangles of a mesh, to be drawn by a weight that is even over each of them.
-#[derive(Clone)]
-struct Triangles {
-    /// Weights of a triangle and all before it.
-    below: Vec<f64>,
-    /// Density of a draw at a point of each, mm⁻².
-    density: Vec<f64>,
-}
-
-/// Draws of the light on a triangle: enough to tell lit ones from dark ones.
-const LIGHT_DRAWS: usize = 4;
 /// Share of the radii that are drawn evenly from the disk in which a source may be right below.
 const CURVED: f64 = 0.3;
 /// Share of the radii that are drawn from the exponential.
@@ -438,70 +432,6 @@ const SURE_SHARE: f64 = 0.1;
 const PARTS: u32 = 2;
 /// Optical thickness from which it hardly comes through.
 const THICK: f64 = 16.0;
-/// Share of the draws by light that is even over the surface, for what those missed.
-const EVEN: f64 = 0.1;
-
-impl Triangles {
-    fn new(mesh: &Mesh, mut weight: impl FnMut(usize) -> f64) -> Self {
-        let area = |k| {
-            let [a, b, c] = mesh.corners(k);
-            0.5 * (b - a).cross(c - a).length()
-        };
-        let weights: Vec<f64> = (0..mesh.len()).map(|k| area(k) * weight(k)).collect();
-        let areas: Vec<f64> = (0..mesh.len()).map(area).collect();
-        let (all, surface) = (weights.iter().sum::<f64>(), areas.iter().sum::<f64>());
-        let mut below = vec![];
-        let mut density = vec![];
-        let mut sum = 0.0;
-        for (weight, area) in weights.iter().zip(&areas) {
-            let even = area / surface;
-            let share = if all > 0.0 {
-                (1.0 - EVEN) * weight / all + EVEN * even
-            } else {
-                even
-            };
-            sum += share;
-            below.push(sum);
-            density.push(share / area);
-        }
-        Self { below, density }
-    }
-
-    /// By the light that falls on them from the lamps, all channels together.
-    fn by_light(scene: &Scene, object: usize, mesh: &Mesh) -> Self {
-        let mut rng = stream(0, &[5, object as u64]);
-        Self::new(mesh, |face| {
-            let mut sum = 0.0;
-            for _ in 0..LIGHT_DRAWS {
-                let point = on_triangle(scene, object, mesh, face, &mut rng);
-                for (index, lamp) in scene.lamps.iter().enumerate() {
-                    if lamp.light.is_beam() {
-                        continue;
-                    }
-                    if let Some(incident) = arrives(scene, index, &point, &mut rng) {
-                        let strength: f64 = lamp.strength.iter().sum();
-                        let cos_in = incident.toward.dot(point.normal);
-                        sum += strength * incident.irradiance * cos_in;
-                    }
-                }
-            }
-            sum
-        })
-    }
-
-    fn draw(&self, scene: &Scene, object: usize, mesh: &Mesh, rng: &mut Stream) -> (Point, usize) {
-        let at = uniform(rng) * self.below.last().copied().unwrap_or(0.0);
-        let face = self.below.partition_point(|sum| *sum <= at);
-        let face = face.min(mesh.len() - 1);
-        (on_triangle(scene, object, mesh, face, rng), face)
-    }
-}
-
-fn on_triangle(scene: &Scene, object: usize, mesh: &Mesh, face: usize, rng: &mut Stream) -> Point {
-    let corners = mesh.corners(face);
-    let at = in_triangle(corners, rng);
-    Point::on_triangle(scene, object, face, corners, at)
-}
 
 impl Bssrdf {
     /// From the diffusion of each solid and channel; `single` says whether light that scattered
@@ -575,10 +505,10 @@ impl Bssrdf {
     }
 
     /// Points from which diffuse light may come to `to`, each with one over the density per area
-    /// in which such points are drawn.
-    fn draw(&self, scene: &Scene, to: &Point, rng: &mut Stream) -> Vec<(Point, f64)> {
+    /// in which such points are drawn; at least those whose [`square_of_distance`] is below `near`.
+    fn draw(&self, scene: &Scene, to: &Point, near: f64, rng: &mut Stream) -> Vec<(Point, f64)> {
         let object = &scene.objects[to.object];
-        let triangles = |new: &dyn Fn(&Mesh) -> Triangles| match &object.shape {
+        let triangles = |new: &dyn Fn(&Mesh) -> Weighted| match &object.shape {
             Shape::Mesh(mesh) => {
                 let triangles = self.triangles[to.object].get_or_init(|| new(mesh));
                 Some((mesh, triangles))
@@ -586,15 +516,28 @@ impl Bssrdf {
             _ => None,
         };
         let lit = match self.sampling {
-            Sampling::Area => triangles(&|mesh| Triangles::new(mesh, |_| 1.0)),
-            Sampling::Axes => triangles(&|mesh| Triangles::by_light(scene, to.object, mesh)),
-            Sampling::Exponential => None,
+            Sampling::Area => {
+                triangles(&|mesh| Weighted::new(mesh.len(), |k| mesh.corners(k), |_| 1.0))
+            }
+            Sampling::Axes if near.is_infinite() => triangles(&|mesh| {
+                Weighted::by_light(scene, to.object, mesh.len(), |k| (mesh.corners(k), k))
+            }),
+            Sampling::Axes | Sampling::Exponential => None,
+        };
+        let drawn = |mesh: &Mesh, triangles: &Weighted, rng: &mut Stream| {
+            let face = triangles.draw(rng);
+            let corners = mesh.corners(face);
+            let at = in_triangle(corners, rng);
+            (
+                Point::on_triangle(scene, to.object, face, corners, at),
+                face,
+            )
         };
         if self.sampling == Sampling::Area {
             return match (&object.shape, lit) {
                 (_, Some((mesh, triangles))) => {
-                    let (point, face) = triangles.draw(scene, to.object, mesh, rng);
-                    vec![(point, 1.0 / triangles.density[face])]
+                    let (point, face) = drawn(mesh, triangles, rng);
+                    vec![(point, 1.0 / triangles.density(face))]
                 }
                 (Shape::Sphere(ball), _) => {
                     let normal = crate::light::on_sphere(rng);
@@ -617,18 +560,20 @@ impl Bssrdf {
             Sampling::Axes => &[(to.true_normal, 0.7), (u, 0.15), (v, 0.15)],
         };
         let mut found = vec![];
-        if let Some((through, axis)) = self.line(to, axes, rng) {
+        if let Some((through, axis)) = self.line(to, axes, rng)
+            && (through - to.at).length() < self.within(to.object, near)
+        {
             for (place, hit) in crossings(&object.shape, through, axis) {
                 found.push((Point::new(scene, to.object, place, &hit), hit.face));
             }
         }
         if let Some((mesh, triangles)) = lit {
-            found.push(triangles.draw(scene, to.object, mesh, rng));
+            found.push(drawn(mesh, triangles, rng));
         }
         // All points that are drawn together have the sum of their densities (Campbell's theorem):
         // nothing has to be known of how many a line meets.
         let per_density = |(point, face): (Point, usize)| {
-            let by_light = lit.map_or(0.0, |(_, triangles)| triangles.density[face]);
+            let by_light = lit.map_or(0.0, |(_, triangles)| triangles.density(face));
             let density = by_light + self.density(to, &point, axes);
             (density > 0.0).then(|| (point, 1.0 / density))
         };
@@ -695,6 +640,25 @@ impl Bssrdf {
         axes.iter().map(of_axis).sum()
     }
 
+    /// Length within which all points are whose [`square_of_distance`] is below `near`: of the
+    /// offset o the part along a normal is at least −|o|.
+    fn within(&self, object: usize, near: f64) -> f64 {
+        let depths = self.drawn_by[object].iter().map(|d| d.source_depth_mm);
+        let depth = depths.fold(0.0, f64::max);
+        (depth + (depth * depth + near).sqrt()) * (1.0 + 1e-9)
+    }
+
+    /// The diffusions by which points of a solid are drawn, those of all its media or of the ones
+    /// that are farthest apart.
+    pub(crate) fn drawn_by(&self, object: usize) -> &[Diffusion] {
+        &self.drawn_by[object]
+    }
+
+    /// How points are drawn.
+    pub(crate) fn sampling(&self) -> Sampling {
+        self.sampling
+    }
+
     /// The diffusion of the medium at a point, by channel.
     pub(crate) fn at<'a>(
         &'a self,
@@ -731,7 +695,17 @@ impl Bssrdf {
         }
     }
 
-    fn diffuse(&self, scene: &Scene, point: &Point, view: Vec3, rng: &mut Stream, out: &mut [f64]) {
+    /// Diffuse light of beams and, of other lamps, all or that which enters `near`: where the square
+    /// of the distance that [`square_of_distance`] has is below that of the channel, mm².
+    pub(crate) fn diffuse(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        near: Option<&[f64]>,
+        rng: &mut Stream,
+        out: &mut [f64],
+    ) {
         let media = &scene.objects[point.object].material.media;
         let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
         let leaves = media.iter().enumerate();
@@ -751,13 +725,16 @@ impl Bssrdf {
         // Diffuse radiance for each unit of power that enters there, over π times the factor of
         // exit, mm⁻², and what share of all that leaves of it this is, per area.
         let mut spread = vec![0.0; media.len()];
-        let reach = |from: &Point, spread: &mut [f64]| {
+        let reach = |from: &Point, near: Option<&[f64]>, spread: &mut [f64]| {
             let offset = point.at - from.at;
             let (square, along) = (offset.length_squared(), offset.dot(from.true_normal));
             let media = scene.media(from);
             let mut most = 0.0_f64;
-            for (spread, local) in spread.iter_mut().zip(self.at(point.object, &media)) {
-                *spread = local.spread(local.square_of_distance(square, along));
+            let channels = spread.iter_mut().zip(self.at(point.object, &media));
+            for (channel, (spread, local)) in channels.enumerate() {
+                let square = local.square_of_distance(square, along);
+                let wanted = near.is_none_or(|near| square < near[channel]);
+                *spread = if wanted { local.spread(square) } else { 0.0 };
                 most = most.max(*spread / local.total());
             }
             most
@@ -775,15 +752,18 @@ impl Bssrdf {
             {
                 let at = ray.origin + hit.distance * ray.direction;
                 let from = Point::new(scene, object, at, &hit);
-                reach(&from, &mut spread);
+                reach(&from, None, &mut spread);
                 add(index, &from, &spread, -ray.direction, ray.power);
             }
         }
-        if others {
-            for (from, per_density) in self.draw(scene, point, rng) {
+        let farthest = near.map_or(f64::INFINITY, |near| {
+            near.iter().copied().fold(0.0, f64::max)
+        });
+        if others && farthest > 0.0 {
+            for (from, per_density) in self.draw(scene, point, farthest, rng) {
                 // How much of the light that the point gives back this is, at most over the
                 // channels. Lamps are not looked for in vain: roulette takes what is little.
-                let share = reach(&from, &mut spread) * per_density;
+                let share = reach(&from, near, &mut spread) * per_density;
                 let kept = (share / SURE_SHARE).min(1.0);
                 if uniform(rng) >= kept {
                     continue;
@@ -899,7 +879,7 @@ impl Shader for Bssrdf {
         single: &mut [f64],
         diffuse: &mut [f64],
     ) {
-        self.diffuse(scene, point, view, rng, diffuse);
+        self.diffuse(scene, point, view, None, rng, diffuse);
         self.single(scene, point, view, rng, single);
     }
 }

@@ -22,7 +22,8 @@
 //! | [`surface`] | models of the surface: what comes out of a solid at a point |
 //! | [`brdf`] | the method `brdf` |
 //! | [`layered`] | `brdf` of layers, with a BTDF |
-//! | [`bssrdf`] | the method `bssrdf` |
+//! | [`bssrdf`] | diffusion from all over the surface, and light that scattered once |
+//! | [`pool`] | the method `bssrdf`: that, with light drawn once for all pixels |
 //! | [`point_cloud`] | the method `point-cloud` |
 //! | [`texture`] | coefficients that vary over a surface |
 //! | [`film`] | pictures with a standard error in every pixel |
@@ -44,6 +45,7 @@ mod overlap;
 pub mod paths;
 pub mod photons;
 pub mod point_cloud;
+pub mod pool;
 pub mod scene;
 pub mod shape;
 pub mod surface;
@@ -61,6 +63,7 @@ pub use method::{Method, Picture};
 pub use monte_carlo::{MonteCarlo, Options};
 pub use photons::{Entry, Ledger, Rings};
 pub use point_cloud::{Gather, PointCloud};
+pub use pool::{Pool, Pooled};
 pub use scene::{Lamp, Material, Object, Scene, SceneError};
 pub use shape::{Block, HalfSpace, Mesh, MeshError, Shape, Sphere};
 pub use surface::Shaded;

@@ -5,8 +5,8 @@
 //! gathering, and its spread is its error.
 
 mod palette;
-mod samples;
-mod tree;
+pub(crate) mod samples;
+pub(crate) mod tree;
 
 use crate::Vec3;
 use crate::bssrdf::{Bssrdf, Diffusion, Local, square_of_distance};
@@ -98,7 +98,7 @@ struct Solid {
 
 /// A function of the distance as a table over its square, eight bits of which tell steps within an
 /// octave apart: without logarithms, and on a line between steps within 2e-5 of a power law.
-struct BySquare {
+pub(crate) struct BySquare {
     first: u64,
     values: Vec<f64>,
     beyond: f64,
@@ -109,7 +109,7 @@ impl BySquare {
     const SHIFT: u32 = 52 - 8;
 
     /// R_d with its share or, where it is to be found between several, its logarithm.
-    fn new(diffusion: &Diffusion, logarithm: bool) -> Self {
+    pub(crate) fn new(diffusion: &Diffusion, logarithm: bool) -> Self {
         let (low, high) = diffusion.profile.range();
         let first = (low * low).to_bits() >> Self::SHIFT;
         let last = (high * high).to_bits() >> Self::SHIFT;
@@ -130,7 +130,7 @@ impl BySquare {
     }
 
     #[inline]
-    fn value(&self, square: f64) -> f64 {
+    pub(crate) fn value(&self, square: f64) -> f64 {
         let bits = square.max(f64::MIN_POSITIVE).to_bits();
         let index = bits >> Self::SHIFT;
         let Some(place) = index.checked_sub(self.first) else {
@@ -150,7 +150,7 @@ impl BySquare {
 /// Light that enters one of many media, ready to be looked at from any distance: what
 /// [`Local::spread_by`] would have to work out for each look. Single precision is enough for it.
 #[derive(Clone, Copy, Debug)]
-struct Source {
+pub(crate) struct Source {
     /// ln of the factor on what the tables have.
     ln_factor: f32,
     /// The table before, and how far on the way to the next.
@@ -173,11 +173,15 @@ impl Source {
         }
     }
 
-    /// The light of it that leaves at a point whose offset has the square `square` and the part
-    /// `along` the normal, by tables of logarithms.
+    /// [`square_of_distance`] for its own source.
     #[inline]
-    fn light(&self, ln_tables: &[BySquare], square: f64, along: f64) -> f64 {
-        let square = square_of_distance(square, along, f64::from(self.source_depth_mm));
+    pub(crate) fn square_of_distance(&self, square: f64, along: f64) -> f64 {
+        square_of_distance(square, along, f64::from(self.source_depth_mm))
+    }
+
+    /// The light of it that leaves at the square of a distance, by tables of logarithms.
+    #[inline]
+    pub(crate) fn light(&self, ln_tables: &[BySquare], square: f64) -> f64 {
         let own = square * f64::from(self.per_square);
         let table = self.table as usize;
         let mut ln_light = ln_tables[table].value(own);
@@ -294,14 +298,13 @@ impl<'a> PointCloud<'a> {
                 continue;
             };
             let mut rng = stream(self.seed, &[5, round, object as u64]);
-            let area = surface.area() / solid.points as f64;
-            for point in surface.points(self.scene, object, solid.points, &mut rng) {
+            for (point, area) in surface.points(self.scene, object, solid.points, &mut rng) {
                 points[object].push(Lit {
                     at: point.at,
                     normal: point.true_normal,
                     area,
                 });
-                powers[object].extend(self.entering(&point, area, &mut rng));
+                powers[object].extend(entering(self.scene, &point, area, &mut rng));
                 remember(&point);
             }
         }
@@ -391,29 +394,30 @@ impl<'a> PointCloud<'a> {
     fn is_textured(&self, object: usize) -> bool {
         self.scene.objects[object].material.texture.is_some()
     }
+}
 
-    /// Power that enters around a point, in each channel.
-    fn entering(&self, point: &Point, area: f64, rng: &mut Stream) -> Vec<f64> {
-        let media = &self.scene.objects[point.object].material.media;
-        let mut power = vec![0.0; media.len()];
-        for (index, lamp) in self.scene.lamps.iter().enumerate() {
-            if lamp.light.is_beam() {
-                continue;
-            }
-            let Some(incident) = arrives(self.scene, index, point, rng) else {
-                continue;
-            };
-            let cos_in = incident.toward.dot(point.normal).min(1.0);
-            for ((power, medium), strength) in power.iter_mut().zip(media).zip(&lamp.strength) {
-                *power += area
-                    * incident.irradiance
-                    * cos_in
-                    * strength
-                    * fresnel::entry_factor(medium.eta, cos_in);
-            }
+/// Power that enters from all lamps but beams around a point that stands for `area` mm², in each
+/// channel.
+pub(crate) fn entering(scene: &Scene, point: &Point, area: f64, rng: &mut Stream) -> Vec<f64> {
+    let media = &scene.objects[point.object].material.media;
+    let mut power = vec![0.0; media.len()];
+    for (index, lamp) in scene.lamps.iter().enumerate() {
+        if lamp.light.is_beam() {
+            continue;
         }
-        power
+        let Some(incident) = arrives(scene, index, point, rng) else {
+            continue;
+        };
+        let cos_in = incident.toward.dot(point.normal).min(1.0);
+        for ((power, medium), strength) in power.iter_mut().zip(media).zip(&lamp.strength) {
+            *power += area
+                * incident.irradiance
+                * cos_in
+                * strength
+                * fresnel::entry_factor(medium.eta, cos_in);
+        }
     }
+    power
 }
 
 impl Method for PointCloud<'_> {
@@ -474,8 +478,8 @@ impl Cloud<'_> {
                 let (square, along) = offset(from);
                 match seen {
                     Seen::Point(k) => {
-                        tree.source(k, channel)
-                            .light(&tables[channel], square, along)
+                        let source = tree.source(k, channel);
+                        source.light(&tables[channel], source.square_of_distance(square, along))
                     }
                     Seen::Node(k) => {
                         let mixture = tree.mixture(k, channel);

@@ -66,8 +66,8 @@ impl Point {
 
 /// What comes out of a solid at a point toward a camera.
 pub trait Shader: Sync {
-    /// How many of the rays of a pixel in a round are shaded, at least 1: all of them if that does
-    /// not cost much more than to find what they meet.
+    /// How many of the rays of a pixel in a round are shaded where it is the same all over, at least 1:
+    /// all of them if that does not cost much more than to find what they meet.
     fn shaded(&self) -> u32 {
         RAYS
     }
@@ -292,7 +292,11 @@ pub(crate) fn picture(
                 let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
                 let shade = |mirrors: usize, point: &Point, direction: Vec3, weight: &[f64]| {
                     // What little a mirror adds is worth no more than one.
-                    let shaded = if mirrors == 0 { shader.shaded() } else { 1 };
+                    let shaded = match (mirrors, parts) {
+                        (0, 1) => shader.shaded(),
+                        (0, _) => RAYS,
+                        _ => 1,
+                    };
                     if ray != chosen || rank >= shaded {
                         return;
                     }
@@ -337,6 +341,100 @@ pub(crate) fn arrives(
         && point.true_normal.dot(incident.toward) > 0.0
         && unhidden(scene, point.at, &incident);
     open.then_some(incident)
+}
+
+/// mm².
+pub(crate) fn area([a, b, c]: [Vec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// Triangles to be drawn by a weight that is even over each of them.
+#[derive(Clone, Debug)]
+pub(crate) struct Weighted {
+    /// Weights of a triangle and all before it.
+    below: Vec<f64>,
+    /// Density of a draw at a point of each, mm⁻².
+    density: Vec<f64>,
+}
+
+/// Draws of the light on all triangles together, and at least on each: enough to tell lit ones from
+/// dark ones.
+const ALL_LIGHT_DRAWS: usize = 4096;
+const LIGHT_DRAWS: usize = 4;
+/// Share of the draws by light that is even over the surface, for what those missed.
+const EVEN: f64 = 0.2;
+
+impl Weighted {
+    /// By a weight for each mm² of each of `count` triangles.
+    pub(crate) fn new(
+        count: usize,
+        corners: impl Fn(usize) -> [Vec3; 3],
+        mut weight: impl FnMut(usize) -> f64,
+    ) -> Self {
+        let areas: Vec<f64> = (0..count).map(|k| area(corners(k))).collect();
+        let weights = areas.iter().enumerate().map(|(k, area)| area * weight(k));
+        let weights: Vec<f64> = weights.collect();
+        let (all, surface) = (weights.iter().sum::<f64>(), areas.iter().sum::<f64>());
+        let mut below = vec![];
+        let mut density = vec![];
+        let mut sum = 0.0;
+        for (weight, area) in weights.iter().zip(&areas) {
+            let even = area / surface;
+            let share = if all > 0.0 {
+                (1.0 - EVEN) * weight / all + EVEN * even
+            } else {
+                even
+            };
+            sum += share;
+            below.push(sum);
+            density.push(share / area);
+        }
+        Self { below, density }
+    }
+
+    /// By the light that falls on them from the lamps, but for beams, all channels together;
+    /// `triangle` gives the corners of each, and its face.
+    pub(crate) fn by_light(
+        scene: &Scene,
+        object: usize,
+        count: usize,
+        triangle: impl Fn(usize) -> ([Vec3; 3], usize),
+    ) -> Self {
+        let mut rng = stream(0, &[5, object as u64]);
+        let draws = LIGHT_DRAWS.max(ALL_LIGHT_DRAWS / count.max(1));
+        let light = |k: usize| {
+            let (corners, face) = triangle(k);
+            let mut sum = 0.0;
+            for _ in 0..draws {
+                let at = in_triangle(corners, &mut rng);
+                let point = Point::on_triangle(scene, object, face, corners, at);
+                for (index, lamp) in scene.lamps.iter().enumerate() {
+                    if lamp.light.is_beam() {
+                        continue;
+                    }
+                    if let Some(incident) = arrives(scene, index, &point, &mut rng) {
+                        let strength: f64 = lamp.strength.iter().sum();
+                        let cos_in = incident.toward.dot(point.normal);
+                        sum += strength * incident.irradiance * cos_in;
+                    }
+                }
+            }
+            sum
+        };
+        Self::new(count, |k| triangle(k).0, light)
+    }
+
+    /// One of them.
+    pub(crate) fn draw(&self, rng: &mut Stream) -> usize {
+        let at = uniform(rng) * self.below.last().copied().unwrap_or(0.0);
+        let drawn = self.below.partition_point(|sum| *sum <= at);
+        drawn.min(self.below.len() - 1)
+    }
+
+    /// Density of a draw at a point of one, mm⁻².
+    pub(crate) fn density(&self, triangle: usize) -> f64 {
+        self.density[triangle]
+    }
 }
 
 /// A draw from the even distribution over a triangle.

@@ -84,7 +84,7 @@ impl Axis {
 
 /// Part of the grid: first and number of places along each of its axes, √(1 − α′) the faster one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Patch {
+pub(crate) struct Patch {
     paths: [u16; 2],
     roots: [u16; 2],
 }
@@ -132,7 +132,7 @@ impl Patch {
 
 /// Light of one channel on its way from a node: powers of the media of a patch.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mixture<'a> {
+pub(crate) struct Mixture<'a> {
     pub(super) patch: Patch,
     pub(super) powers: &'a [f32],
     /// Mean of the light's own, mm.
@@ -140,7 +140,7 @@ pub(super) struct Mixture<'a> {
 }
 
 /// The media of a channel that stand for all of a texture, and R_d of each of them.
-pub(super) struct Palette {
+pub(crate) struct Palette {
     roots: Axis,
     paths: Axis,
     /// Place of the first row.

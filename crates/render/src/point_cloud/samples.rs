@@ -1,18 +1,19 @@
-//! Points evenly over the surface of a solid.
+//! Points over the surface of a solid, evenly or where there is more to find.
 
 use crate::Vec3;
 use crate::scene::Scene;
 use crate::shape::{Hit, Shape};
-use crate::surface::{Point, in_triangle};
+use crate::surface::{Point, Weighted, area, in_triangle};
 use physics::random::{Stream, uniform};
 use std::f64::consts::{PI, TAU};
 
 /// The surface of a solid, ready to be covered with points.
-pub(super) enum Surface {
+pub(crate) enum Surface {
     /// Triangles with the faces they belong to, one beside the other along a curve that fills
-    /// space, and the area up to the end of each.
+    /// space, how dense points are on each, and how many, on that scale, up to its end.
     Triangles {
         triangles: Vec<([Vec3; 3], usize)>,
+        density: Vec<f64>,
         below: Vec<f64>,
     },
     /// A ball.
@@ -21,7 +22,7 @@ pub(super) enum Surface {
 
 impl Surface {
     /// That of a shape; none of one without an end.
-    pub(super) fn new(shape: &Shape) -> Option<Self> {
+    pub(crate) fn new(shape: &Shape) -> Option<Self> {
         let mut triangles: Vec<([Vec3; 3], usize)> = match shape {
             Shape::HalfSpace(_) => return None,
             Shape::Sphere(ball) => {
@@ -61,35 +62,65 @@ impl Surface {
             let (low, high) = shape.bounds()?;
             triangles.sort_by_cached_key(|(t, _)| morton(middle(t), low, high));
         }
+        Some(Self::of(triangles, |_| 1.0))
+    }
+
+    fn of(triangles: Vec<([Vec3; 3], usize)>, density: impl Fn(usize) -> f64) -> Self {
+        let density: Vec<f64> = (0..triangles.len()).map(density).collect();
         let mut sum = 0.0;
-        let below = triangles
-            .iter()
-            .map(|([a, b, c], _)| {
-                sum += 0.5 * (*b - *a).cross(*c - *a).length();
-                sum
-            })
-            .collect();
-        Some(Self::Triangles { triangles, below })
+        let each = triangles.iter().zip(&density);
+        let below = each.map(|((corners, _), density)| {
+            sum += density * area(*corners);
+            sum
+        });
+        Self::Triangles {
+            below: below.collect(),
+            triangles,
+            density,
+        }
+    }
+
+    /// The same with points where the lamps shine; on a ball evenly still.
+    pub(crate) fn by_light(self, scene: &Scene, object: usize) -> Self {
+        match self {
+            Self::Ball { .. } => self,
+            Self::Triangles { triangles, .. } => {
+                let lit = Weighted::by_light(scene, object, triangles.len(), |k| triangles[k]);
+                Self::of(triangles, |k| lit.density(k))
+            }
+        }
     }
 
     /// mm².
-    pub(super) fn area(&self) -> f64 {
+    pub(crate) fn area(&self) -> f64 {
         match self {
-            Self::Triangles { below, .. } => below.last().copied().unwrap_or(0.0),
+            Self::Triangles { triangles, .. } => triangles.iter().map(|(t, _)| area(*t)).sum(),
             Self::Ball { radius, .. } => 4.0 * PI * radius * radius,
         }
     }
 
-    /// `count` points, each of which stands for the same area: at even steps along a curve that
-    /// fills the surface, so that they are nowhere dense and nowhere sparse. Where the steps begin
-    /// is drawn: every place is as likely as every other.
-    pub(super) fn points(
+    /// The largest area that one of `count` points stands for, mm².
+    pub(crate) fn largest(&self, count: usize) -> f64 {
+        let sparsest = match self {
+            Self::Ball { .. } => 1.0 / self.area(),
+            Self::Triangles { density, below, .. } => {
+                let all = below.last().copied().unwrap_or(0.0);
+                density.iter().copied().fold(f64::INFINITY, f64::min) / all
+            }
+        };
+        1.0 / (count as f64 * sparsest)
+    }
+
+    /// `count` points with the area that each stands for, mm²: at even steps along a curve that
+    /// fills the surface, so that they are nowhere denser and nowhere sparser than they should be.
+    /// Where the steps begin is drawn: a place is as likely as it is dense.
+    pub(crate) fn points(
         &self,
         scene: &Scene,
         object: usize,
         count: usize,
         rng: &mut Stream,
-    ) -> Vec<Point> {
+    ) -> Vec<(Point, f64)> {
         match self {
             Self::Ball { center, radius } => {
                 // A spiral of equal areas, turned at random.
@@ -97,6 +128,7 @@ impl Surface {
                 let axis = crate::light::on_sphere(rng);
                 let (u, v) = axis.any_orthonormal_pair();
                 let (start, shift) = (TAU * uniform(rng), uniform(rng));
+                let area = self.area() / count as f64;
                 (0..count)
                     .map(|k| {
                         let z = 1.0 - 2.0 * (k as f64 + shift) / count as f64;
@@ -108,12 +140,17 @@ impl Surface {
                             normal,
                             face: 0,
                         };
-                        Point::new(scene, object, *center + *radius * normal, &hit)
+                        let at = *center + *radius * normal;
+                        (Point::new(scene, object, at, &hit), area)
                     })
                     .collect()
             }
-            Self::Triangles { triangles, below } => {
-                let each = self.area() / count as f64;
+            Self::Triangles {
+                triangles,
+                density,
+                below,
+            } => {
+                let each = below.last().copied().unwrap_or(0.0) / count as f64;
                 let mut here = 0;
                 let shift = uniform(rng);
                 (0..count)
@@ -124,10 +161,11 @@ impl Surface {
                         }
                         let (corners, face) = triangles[here];
                         let before = if here > 0 { below[here - 1] } else { 0.0 };
-                        let area = below[here] - before;
-                        let share = ((along - before) / area).clamp(0.0, 1.0);
-                        let at = inside(corners, share, area / each, rng);
-                        Point::on_triangle(scene, object, face, corners, at)
+                        let own = below[here] - before;
+                        let share = ((along - before) / own).clamp(0.0, 1.0);
+                        let at = inside(corners, share, own / each, rng);
+                        let point = Point::on_triangle(scene, object, face, corners, at);
+                        (point, each / density[here])
                     })
                     .collect()
             }

@@ -6,6 +6,7 @@ use super::samples::morton;
 use crate::Vec3;
 use crate::bssrdf::Family;
 use physics::Medium;
+use physics::random::{Stream, uniform};
 use std::ops::Range;
 
 /// Points of a leaf.
@@ -15,12 +16,12 @@ const LEVELS: u32 = 21;
 
 /// A point that light enters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Lit {
-    pub(super) at: Vec3,
+pub(crate) struct Lit {
+    pub(crate) at: Vec3,
     /// Out of the solid.
-    pub(super) normal: Vec3,
+    pub(crate) normal: Vec3,
     /// The surface that it stands for, mm².
-    pub(super) area: f64,
+    pub(crate) area: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -44,7 +45,7 @@ struct Place {
 
 /// What stands for all points as seen from somewhere: some of them, and nodes for the others.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Seen {
+pub(crate) enum Seen {
     Point(usize),
     Node(usize),
 }
@@ -52,7 +53,7 @@ pub(super) enum Seen {
 /// Points with the power that enters at each, in every channel. Where media differ from point to
 /// point, a [`Source`] for each, and for a node a [`Mixture`].
 #[derive(Clone, Debug)]
-pub(super) struct Tree {
+pub(crate) struct Tree {
     channels: usize,
     points: Vec<Lit>,
     /// Channel by channel within a point, W.
@@ -60,6 +61,8 @@ pub(super) struct Tree {
     /// Likewise the media there; none where they are the same everywhere.
     media: Vec<Medium>,
     sources: Vec<Source>,
+    /// Power of all points before each and, at the end, of all; channels together.
+    below: Vec<f64>,
     nodes: Vec<Node>,
     node_powers: Vec<f64>,
     /// For each node, channel by channel, its mixture, whose powers are in `shares`.
@@ -70,7 +73,7 @@ pub(super) struct Tree {
 impl Tree {
     /// Of points with their powers and, where they differ from point to point, media, with what
     /// each channel makes of them.
-    pub(super) fn new(
+    pub(crate) fn new(
         points: &[Lit],
         powers: &[f64],
         media: &[Medium],
@@ -101,6 +104,12 @@ impl Tree {
         } else {
             sorted(media, &order, channels)
         };
+        let mut sum = 0.0;
+        let all = powers.chunks_exact(channels).map(|of_point| {
+            sum += of_point.iter().sum::<f64>();
+            sum
+        });
+        let below = std::iter::once(0.0).chain(all).collect();
         let each = media.iter().zip(&powers).enumerate();
         let mut tree = Self {
             channels,
@@ -110,6 +119,7 @@ impl Tree {
                 .collect(),
             powers,
             media,
+            below,
             nodes: vec![],
             node_powers: vec![],
             mixtures: vec![],
@@ -244,25 +254,25 @@ impl Tree {
         self.shares.extend(powers);
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.points.len()
     }
 
     /// A point, in the order of the tree, and the power that enters there.
-    pub(super) fn point(&self, index: usize) -> (&Lit, &[f64]) {
+    pub(crate) fn point(&self, index: usize) -> (&Lit, &[f64]) {
         let powers = &self.powers[index * self.channels..][..self.channels];
         (&self.points[index], powers)
     }
 
     /// The media at a point, in the order of the tree; none where they are the same everywhere.
-    pub(super) fn media(&self, index: usize) -> &[Medium] {
+    pub(crate) fn media(&self, index: usize) -> &[Medium] {
         let of_point = index * self.channels..(index + 1) * self.channels;
         self.media.get(of_point).unwrap_or_default()
     }
 
     /// The power of a point or node, by channel.
     #[inline]
-    pub(super) fn powers(&self, seen: Seen) -> &[f64] {
+    pub(crate) fn powers(&self, seen: Seen) -> &[f64] {
         let (index, powers) = match seen {
             Seen::Point(index) => (index, &self.powers),
             Seen::Node(index) => (index, &self.node_powers),
@@ -272,13 +282,13 @@ impl Tree {
 
     /// What a point is in a channel, where media differ.
     #[inline]
-    pub(super) fn source(&self, point: usize, channel: usize) -> &Source {
+    pub(crate) fn source(&self, point: usize, channel: usize) -> &Source {
         &self.sources[point * self.channels + channel]
     }
 
     /// What a node is in a channel, where media differ.
     #[inline]
-    pub(super) fn mixture(&self, node: usize, channel: usize) -> Mixture<'_> {
+    pub(crate) fn mixture(&self, node: usize, channel: usize) -> Mixture<'_> {
         let Place {
             patch,
             start,
@@ -296,7 +306,7 @@ impl Tree {
     /// with 0. What is below a node that `take` refuses is offered in its place; where no light
     /// enters is left out.
     #[inline]
-    pub(super) fn offered(
+    pub(crate) fn offered(
         &self,
         from: Vec3,
         solid_angle: f64,
@@ -326,9 +336,48 @@ impl Tree {
         }
     }
 
+    /// Tells `add` of points and of how many times what each brings has to count, so that the sum is
+    /// without bias that over all points: one of each node that is `small` enough, drawn by its
+    /// power, and all of the others. `small` is asked of the area of a node and of the square of the
+    /// distance from `from` to its box.
+    #[inline]
+    pub(crate) fn drawn(
+        &self,
+        from: Vec3,
+        small: impl Fn(f64, f64) -> bool,
+        rng: &mut Stream,
+        mut add: impl FnMut(usize, f64),
+    ) {
+        let mut index = 0;
+        while let Some(node) = self.nodes.get(index) {
+            let Range { start, end } = node.points;
+            let power = self.below[end] - self.below[start];
+            let square = (from.clamp(node.low, node.high) - from).length_squared();
+            if power <= 0.0 {
+                index = node.next;
+            } else if end - start > 1 && small(node.mean.area, square) {
+                let at = self.below[start] + uniform(rng) * power;
+                let before = self.below[start + 1..end].partition_point(|sum| *sum <= at);
+                let drawn = start + before;
+                let own = self.below[drawn + 1] - self.below[drawn];
+                if own > 0.0 {
+                    add(drawn, power / own);
+                }
+                index = node.next;
+            } else if node.next == index + 1 {
+                for k in start..end {
+                    add(k, 1.0);
+                }
+                index = node.next;
+            } else {
+                index += 1;
+            }
+        }
+    }
+
     /// Tells `add` of the index and the squared distance of all points within a radius, but those
     /// of nodes that no light enters.
-    pub(super) fn within(&self, from: Vec3, radius: f64, mut add: impl FnMut(usize, f64)) {
+    pub(crate) fn within(&self, from: Vec3, radius: f64, mut add: impl FnMut(usize, f64)) {
         self.visit(from, radius * radius, true, &mut |k, square| {
             if square < radius * radius {
                 add(k, square);
@@ -339,7 +388,7 @@ impl Tree {
 
     /// Indices and squared distances of at most `count` points within a radius that `wanted`
     /// passes, the nearest, from the near to the far.
-    pub(super) fn nearest(
+    pub(crate) fn nearest(
         &self,
         from: Vec3,
         radius: f64,

@@ -1,0 +1,273 @@
+//! The method `bssrdf`: what [`Bssrdf`] says of a point, with the light of lamps other than beams
+//! drawn once a round for all pixels together.
+//!
+//! Where light enters does not depend on where it is looked at. Each round covers the solids with
+//! points, more of them where there is more light, and asks once how much enters at each; a pixel then
+//! sums over all of them. Far ones, for which R_d is alike, are stood for by one that is drawn by its
+//! light: an estimate without bias in the place of an octree's mean. Near ones, where R_d has a peak
+//! that is too narrow for the points, are left to the draws of [`Bssrdf`].
+
+use crate::Vec3;
+use crate::bssrdf::{Bssrdf, Diffusion, Local, Sampling};
+use crate::method::{Method, Picture, Planes};
+use crate::point_cloud::samples::Surface;
+use crate::point_cloud::tree::{Lit, Tree};
+use crate::point_cloud::{BySquare, entering};
+use crate::scene::Scene;
+use crate::surface::{Grain, Point, Shader, picture};
+use physics::random::{Stream, stream};
+
+/// Points for each pixel, all solids together, and at most and least of one of them.
+const PER_PIXEL: f64 = 1.0;
+const MOST: f64 = 262_144.0;
+const LEAST: f64 = 4096.0;
+/// A point may bring this share of the light of an even surface, at most; most bring much less.
+const LARGEST: f64 = 1.0;
+/// Of the square of the distance to its sources below the surface, the area of a node one point of
+/// which stands for all. It may be larger where R_d is small.
+const SMALL: f64 = 0.15;
+
+/// A solid as it is covered with points.
+struct Covered {
+    surface: Surface,
+    points: usize,
+    /// R_d of each channel, table by table of its family; under a texture their logarithms.
+    spreads: Vec<Vec<BySquare>>,
+    /// Squares of the distance within which points are too few, mm², by channel.
+    near: Vec<f64>,
+    /// Squares of the least depth of a source, mm², and the least σₜᵣ, mm⁻².
+    depth: f64,
+    falling: f64,
+}
+
+/// The method.
+pub struct Pooled<'a> {
+    scene: &'a Scene,
+    bssrdf: Bssrdf,
+    seed: u64,
+    planes: Planes,
+    grain: Grain,
+    /// The solids; none for one without an end, and none where there is nothing but beams.
+    solids: Vec<Option<Covered>>,
+}
+
+impl<'a> Pooled<'a> {
+    /// Pictures of `scene` by `bssrdf`. Its own draws do it all on half-spaces, and if they are not
+    /// those of [`Sampling::Axes`].
+    pub fn new(scene: &'a Scene, bssrdf: Bssrdf, seed: u64, components: bool) -> Self {
+        let wanted = bssrdf.sampling() == Sampling::Axes
+            && scene.lamps.iter().any(|lamp| !lamp.light.is_beam());
+        let share = PER_PIXEL * scene.pixels() as f64 / scene.objects.len() as f64;
+        let points = share.clamp(LEAST, MOST) as usize;
+        let covered = |(index, object): (usize, &crate::Object)| {
+            let surface = Surface::new(&object.shape).filter(|_| wanted)?;
+            let surface = surface.by_light(scene, index);
+            let area = surface.largest(points);
+            let all = bssrdf.drawn_by(index);
+            let mut rest = all;
+            let near = (0..scene.channels.len()).map(|channel| {
+                let count = object.material.representatives(channel).len();
+                let (of_channel, others) = rest.split_at(count);
+                rest = others;
+                let radii = of_channel.iter().map(|d| too_near(d, area));
+                radii.fold(0.0, f64::max).powi(2)
+            });
+            let near: Vec<f64> = near.collect();
+            let least = |of: fn(&Diffusion) -> f64| {
+                let square = |d| of(d).powi(2);
+                all.iter().map(square).fold(f64::INFINITY, f64::min)
+            };
+            let nearest = near.iter().copied().fold(f64::INFINITY, f64::min);
+            let textured = object.material.texture.is_some();
+            let tables = bssrdf.of_object(index).iter().map(|family| {
+                let tables = family.tables().iter();
+                tables.map(|d| BySquare::new(d, textured)).collect()
+            });
+            Some(Covered {
+                surface,
+                points,
+                spreads: tables.collect(),
+                near,
+                depth: least(|d| d.source_depth_mm).max(nearest),
+                falling: least(|d| d.profile.sigma_tr()),
+            })
+        };
+        Self {
+            solids: scene.objects.iter().enumerate().map(covered).collect(),
+            scene,
+            bssrdf,
+            seed,
+            planes: Planes {
+                channels: scene.channels.len(),
+                components,
+            },
+            grain: Grain::default(),
+        }
+    }
+
+    /// The points of a round.
+    pub fn pool(&self, round: u64) -> Pool<'_> {
+        let scene = self.scene;
+        let tree = |(object, covered): (usize, &Option<Covered>)| {
+            let Covered {
+                surface, points, ..
+            } = covered.as_ref()?;
+            let mut rng = stream(self.seed, &[7, round, object as u64]);
+            let textured = scene.objects[object].material.texture.is_some();
+            let (mut places, mut powers, mut media) = (vec![], vec![], vec![]);
+            for (point, area) in surface.points(scene, object, *points, &mut rng) {
+                places.push(Lit {
+                    at: point.at,
+                    normal: point.true_normal,
+                    area,
+                });
+                powers.extend(entering(scene, &point, area, &mut rng));
+                if textured {
+                    media.extend(&*scene.media(&point));
+                }
+            }
+            let families = self.bssrdf.of_object(object);
+            Some(Tree::new(&places, &powers, &media, families, &[]))
+        };
+        Pool {
+            method: self,
+            trees: self.solids.iter().enumerate().map(tree).collect(),
+        }
+    }
+}
+
+/// The radius within which a point that stands for an area, mm², may bring more than [`LARGEST`], mm.
+fn too_near(diffusion: &Diffusion, area: f64) -> f64 {
+    let profile = &diffusion.profile;
+    let large = |radius: f64| profile.value(radius) * area > LARGEST * profile.total();
+    let (mut low, mut high) = profile.range();
+    if !large(low) {
+        return 0.0;
+    }
+    while high > low * 1.001 {
+        let middle = (low * high).sqrt();
+        if large(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+impl Method for Pooled<'_> {
+    fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    fn empty(&self) -> Picture {
+        Picture::empty(self.planes, self.scene)
+    }
+
+    fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
+        let pool = self.pool(index);
+        let Self {
+            scene,
+            seed,
+            planes,
+            ref grain,
+            ..
+        } = *self;
+        (picture(scene, &pool, seed, planes, index, grain), vec![])
+    }
+}
+
+/// Points of one round with the light that enters there.
+pub struct Pool<'a> {
+    method: &'a Pooled<'a>,
+    trees: Vec<Option<Tree>>,
+}
+
+impl Pool<'_> {
+    /// How many points a solid has.
+    pub fn points(&self, object: usize) -> usize {
+        self.trees[object].as_ref().map_or(0, Tree::len)
+    }
+
+    /// Adds to `out` the light that enters at the points, but not near, and leaves around one of the
+    /// surface, per area and over the factor of the exit; in each channel.
+    fn exitance(
+        &self,
+        point: &Point,
+        covered: &Covered,
+        tree: &Tree,
+        rng: &mut Stream,
+        out: &mut [f64],
+    ) {
+        let material = &self.method.scene.objects[point.object].material;
+        let even: Vec<Local> = if material.texture.is_none() {
+            let bssrdf = &self.method.bssrdf;
+            bssrdf.at(point.object, &material.media).collect()
+        } else {
+            vec![]
+        };
+        let small = |area: f64, square: f64| {
+            area < SMALL * (square + covered.depth) * (1.0 + covered.falling * square)
+        };
+        tree.drawn(point.at, small, rng, |k, times| {
+            let (from, powers) = tree.point(k);
+            let offset: Vec3 = point.at - from.at;
+            let (square, along) = (offset.length_squared(), offset.dot(from.normal));
+            for (channel, out) in out.iter_mut().enumerate() {
+                let tables = &covered.spreads[channel];
+                if let Some(local) = even.get(channel) {
+                    let square = local.square_of_distance(square, along);
+                    if square >= covered.near[channel] {
+                        let of_table = |table: usize, own| tables[table].value(own);
+                        *out += times * powers[channel] * local.spread_by(square, of_table);
+                    }
+                } else {
+                    let source = tree.source(k, channel);
+                    let square = source.square_of_distance(square, along);
+                    if square >= covered.near[channel] {
+                        *out += times * source.light(tables, square);
+                    }
+                }
+            }
+        });
+    }
+}
+
+impl Shader for Pool<'_> {
+    fn shaded(&self) -> u32 {
+        // Where there is no pool, it costs as much to find what a ray meets as to shade it.
+        let pools = self.trees.iter().all(Option::is_some);
+        if pools {
+            1
+        } else {
+            self.method.bssrdf.shaded()
+        }
+    }
+
+    fn shade(
+        &self,
+        scene: &Scene,
+        point: &Point,
+        view: Vec3,
+        rng: &mut Stream,
+        single: &mut [f64],
+        diffuse: &mut [f64],
+    ) {
+        let bssrdf = &self.method.bssrdf;
+        let covered = self.method.solids[point.object].as_ref();
+        let near = covered.map(|covered| &*covered.near);
+        bssrdf.diffuse(scene, point, view, near, rng, diffuse);
+        bssrdf.single(scene, point, view, rng, single);
+        let Some((covered, tree)) = covered.zip(self.trees[point.object].as_ref()) else {
+            return;
+        };
+        let mut exitance = vec![0.0; diffuse.len()];
+        self.exitance(point, covered, tree, rng, &mut exitance);
+        let cos_out = view.dot(point.normal).clamp(0.0, 1.0);
+        let media = &scene.objects[point.object].material.media;
+        for (channel, medium) in media.iter().enumerate() {
+            diffuse[channel] +=
+                exitance[channel] * bssrdf.leaves(point.object, channel, medium.eta, cos_out);
+        }
+    }
+}
