@@ -285,7 +285,12 @@ mod tests {
         for (i, name) in names.iter().enumerate() {
             let path = here.path().join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, [b"P5 1 1 65535\n\0", &[i as u8][..]].concat()).unwrap();
+            // A build that reads camera RAW has to find that this is none.
+            let bytes = match name.ends_with("CR3") {
+                true => b"\0\0\0\x18ftypcrx ".to_vec(),
+                false => [b"P5 1 1 65535\n\0", &[i as u8][..]].concat(),
+            };
+            fs::write(path, bytes).unwrap();
         }
         let init = draft(here.path()).unwrap();
         let files = |list: &[DraftFrame]| -> Vec<String> {
