@@ -161,7 +161,7 @@ impl Method for Pooled<'_> {
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene)
+        Picture::empty(self.planes, self.scene, 0)
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
