@@ -3,18 +3,32 @@
 //! from their frames. Prints how often the 95 % intervals hold the truth, and the standard
 //! deviation of what was found over the median of the stated u.
 //!
-//!     cargo run --release -p beamspot-tests --example files -- 200
+//!     cargo run --release -p beamspot-tests --example files -- 200 [white]
+//!
+//! With `white` the absorption of the white is drawn as well, from the u that it has where none is
+//! stated.
 
 #![expect(clippy::print_stdout, reason = "it is what the example is for")]
 
+use formats::capture::PerChannel;
+use physics::random::{stream, uniform};
 use pipeline::library::ModelChoice;
 use pipeline::measure::{Choices, measure};
 use pipeline::{Silent, capture, synthesis};
+use statrs::distribution::{ContinuousCDF, Normal};
 use std::error::Error;
-use synth::{Camera, Channels};
+use synth::{Camera, Channels, WhiteReference};
+
+/// What is stated of a white that absorbs as much as its reflectance of 0.99 has it, mm⁻¹.
+const WHITE_SIGMA_A_PER_MM: f64 = 5e-5;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let count: u64 = std::env::args().nth(1).map_or(Ok(200), |n| n.parse())?;
+    let white = match std::env::args().nth(2).as_deref() {
+        None => false,
+        Some("white") => true,
+        Some(other) => return Err(format!("found `{other}`; expected `white` or nothing").into()),
+    };
     let camera = Camera {
         width: 384,
         height: 384,
@@ -41,16 +55,25 @@ fn main() -> Result<(), Box<dyn Error>> {
             let folder = tempfile::tempdir()?;
             let target = folder.path().join("capture");
             let model = ModelChoice::default();
-            let manifest = synthesis::write(
-                &sample,
-                camera.clone(),
-                &model,
-                seed,
-                &target,
-                false,
-                &Silent,
-            )?;
-            let fits = measure(&capture::load(&manifest)?, &choices, &Silent)?.fits;
+            let mut camera = camera.clone();
+            if white {
+                // By default u is half of what is stated; nothing absorbs less than nothing.
+                let z = Normal::standard().inverse_cdf(uniform(&mut stream(seed, &[])));
+                let truly = (WHITE_SIGMA_A_PER_MM * (1.0 + 0.5 * z)).max(0.0);
+                camera.reference = WhiteReference {
+                    sigma_a_per_mm: Some(vec![truly]),
+                    ..camera.reference
+                };
+            }
+            let manifest =
+                synthesis::write(&sample, camera, &model, seed, &target, false, &Silent)?;
+            let mut loaded = capture::load(&manifest)?;
+            if white {
+                let stated = &mut loaded.capture.reference;
+                stated.sigma_a_per_mm = Some(PerChannel::All(WHITE_SIGMA_A_PER_MM));
+                stated.u_sigma_a_per_mm = None;
+            }
+            let fits = measure(&loaded, &choices, &Silent)?.fits;
             let fit = &fits[0];
             for (k, e) in [&fit.sigma_a, &fit.sigma_s_prime].into_iter().enumerate() {
                 found[k].push((e.value, e.u));
