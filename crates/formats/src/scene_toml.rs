@@ -111,6 +111,10 @@ pub struct ObjectEntry {
     pub up: Option<UpAxis>,
     /// Mesh: moved so far, mm, last of all.
     pub move_mm: Option<[f64; 3]>,
+    /// Mesh: shaded as a smooth surface, with normals between those of its triangles; a file with
+    /// normals has its own. Default false.
+    #[serde(default)]
+    pub smooth: bool,
     /// A material of the shipped table, or a file of materials (csv or json) beside the scene
     /// followed by `#` and the name in it.
     pub material: Option<String>,

@@ -255,7 +255,14 @@ fn shape(entry: &ObjectEntry, folder: &Path, inputs: &mut Vec<PathBuf>) -> Resul
                 normals.collect(),
                 coordinates,
             );
-            Shape::Mesh(Box::new(mesh.input(path.display())?))
+            let mesh = mesh.input(path.display())?;
+            if entry.smooth && mesh.has_normals() {
+                return Err(wrong(format!(
+                    "`smooth`: {name} has normals, which are taken as they are; leave it out"
+                )));
+            }
+            let mesh = if entry.smooth { mesh.smoothed() } else { mesh };
+            Shape::Mesh(Box::new(mesh))
         }
     })
 }

@@ -269,6 +269,35 @@ impl Mesh {
         })
     }
 
+    /// The same mesh with a normal of its own making at every vertex: the mean of those of the
+    /// triangles that meet in its place, by their angles there (Thürmer and Wüthrich 1998).
+    pub fn smoothed(mut self) -> Self {
+        // Vertices in one place are one: files repeat them where texture coordinates part.
+        let place = |v: Vec3| (v + Vec3::ZERO).to_array().map(f64::to_bits);
+        let mut sums: HashMap<[u64; 3], Vec3> = HashMap::new();
+        for triangle in 0..self.len() {
+            let corners = self.corners(triangle);
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalize();
+            for k in 0..3 {
+                let [here, next, last] = [0, 1, 2].map(|turn| corners[(k + turn) % 3]);
+                let angle = (next - here).angle_between(last - here);
+                *sums.entry(place(here)).or_default() += angle * normal;
+            }
+        }
+        let of_vertex = |v: &Vec3| {
+            sums.get(&place(*v))
+                .map_or(Vec3::Z, |n| n.normalize_or(Vec3::Z))
+        };
+        self.normals = self.vertices.iter().map(of_vertex).collect();
+        self
+    }
+
+    /// Whether its vertices have normals.
+    pub fn has_normals(&self) -> bool {
+        !self.normals.is_empty()
+    }
+
     /// What is odd about it.
     pub fn warnings(&self) -> &[MeshWarning] {
         &self.warnings
@@ -551,6 +580,23 @@ pub(crate) mod tests {
         let point = Vec3::new(0.1, 0.2, 20.0 - hit.distance);
         let smooth = mesh.shading_normal(point, &hit);
         assert!(smooth.dot(point.normalize()) > 1.0 - 1e-4);
+    }
+
+    /// A ball that forgot its normals finds them again, also where two vertices are in one place.
+    #[test]
+    fn a_smoothed_ball_is_round_across_its_seams() {
+        let round = ball(4, 10.0);
+        let vertices: Vec<Vec3> = (0..round.len()).flat_map(|k| round.corners(k)).collect();
+        let triangles = (0..round.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
+        let flat = Mesh::new(vertices, triangles.collect(), vec![], vec![]).unwrap();
+        assert!(!flat.has_normals());
+        let smooth = flat.smoothed();
+        for (place, normal) in smooth.vertices.iter().zip(&smooth.normals) {
+            assert!(
+                normal.dot(place.normalize()) > 1.0 - 1e-4,
+                "{place} {normal}"
+            );
+        }
     }
 
     #[test]
