@@ -150,8 +150,8 @@ pub(crate) struct Series {
 }
 
 /// Values of two and the difference of the first in percent over something, a column of two panels for
-/// each series.
-pub(crate) fn beside(title: &str, x: &str, y: &str, series: &[Series]) -> Chart {
+/// each series; the differences along `stroke`.
+pub(crate) fn beside(title: &str, x: &str, y: &str, series: &[Series], stroke: Stroke) -> Chart {
     let line = |name: &str, stroke, points: Vec<(f64, f64)>| Line {
         name: name.to_owned(),
         points,
@@ -184,8 +184,8 @@ pub(crate) fn beside(title: &str, x: &str, y: &str, series: &[Series]) -> Chart 
             x: x.to_owned(),
             y: "A over B, less 1 (%)".to_owned(),
             x_range: None,
-            scale: Scale::Linear,
-            lines: vec![line("A over B", Stroke::Full, relative.collect())],
+            scale: Scale::LogarithmicAcross,
+            lines: vec![line("A over B", stroke, relative.collect())],
         }
     });
     Chart {
@@ -224,8 +224,15 @@ impl FileDifference {
         };
         let series: Vec<Series> = names.iter().map(of).collect();
         match self.kind {
-            "profiles" => beside("Two profiles", "radius (mm)", "reflectance (mm⁻²)", &series),
-            _ => beside("Two tables", "B (mm⁻¹)", "mm⁻¹", &series),
+            "profiles" => beside(
+                "Two profiles",
+                "radius (mm)",
+                "reflectance (mm⁻²)",
+                &series,
+                Stroke::Full,
+            ),
+            // One material has nothing to do with the next.
+            _ => beside("Two tables", "B (mm⁻¹)", "mm⁻¹", &series, Stroke::Dots),
         }
     }
 

@@ -52,6 +52,8 @@ pub enum Scale {
     Equal,
     /// Both axes logarithmic.
     Logarithmic,
+    /// The horizontal axis logarithmic, the vertical one linear with 0 in it.
+    LogarithmicAcross,
 }
 
 /// A line through points.
@@ -261,12 +263,20 @@ fn axes(panel: &Panel, across: (f64, f64), up: (f64, f64)) -> (Axis, Axis) {
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if low < high { (low, high) } else { (0.0, 1.0) }
     };
-    if panel.scale == Scale::Logarithmic {
+    if matches!(panel.scale, Scale::Logarithmic | Scale::LogarithmicAcross) {
         let x = match panel.x_range {
             Some((low, high)) => Axis::logarithmic([low, high], across),
             None => Axis::logarithmic(xs, across),
         };
-        return (x, Axis::logarithmic(ys, up));
+        let y = if panel.scale == Scale::Logarithmic {
+            Axis::logarithmic(ys, up)
+        } else {
+            let low = ys.iter().copied().fold(0.0, f64::min);
+            let high = ys.iter().copied().fold(0.0, f64::max);
+            let margin = if low < high { 0.05 * (high - low) } else { 1.0 };
+            Axis::linear((low - margin, high + margin), up)
+        };
+        return (x, y);
     }
     let (mut x, mut y) = (panel.x_range.unwrap_or(extent(&xs)), extent(&ys));
     if y.0 >= 0.0 {
@@ -325,7 +335,12 @@ mod tests {
 
     #[test]
     fn is_xml_with_every_line_and_one_legend() {
-        for scale in [Scale::Linear, Scale::Equal, Scale::Logarithmic] {
+        for scale in [
+            Scale::Linear,
+            Scale::Equal,
+            Scale::Logarithmic,
+            Scale::LogarithmicAcross,
+        ] {
             let text = chart_svg(&chart(scale));
             let document = roxmltree::Document::parse(&text).unwrap();
             let count = |class: &str| {

@@ -8,7 +8,7 @@ use crate::fit_json::SCHEMA_VERSION;
 use formats::{encode_png, read_radiance};
 use physics::{ChannelMap, Frame, RadianceMap};
 use render::SharedNoise;
-use report::{Chart, chart_svg};
+use report::{Chart, Stroke, chart_svg};
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -345,7 +345,8 @@ fn rings_chart(found: &PictureDifference) -> Chart {
         }
     };
     let series: Vec<Series> = found.channels.iter().map(of_channel).collect();
-    beside("Two pictures, in rings", x, "mean radiance", &series)
+    let title = "Two pictures, in rings";
+    beside(title, x, "mean radiance", &series, Stroke::Full)
 }
 
 /// What a comparison of pictures has drawn.
