@@ -31,7 +31,7 @@ const SMALL: f64 = 0.15;
 struct Covered {
     surface: Surface,
     points: usize,
-    /// R_d of each channel, table by table of its family; under a texture their logarithms.
+    /// R_d of each channel, table by table of its family.
     spreads: Vec<Vec<BySquare>>,
     /// Squares of the distance within which points are too few, mm², by channel.
     near: Vec<f64>,
@@ -47,12 +47,12 @@ pub struct Pooled<'a> {
     seed: u64,
     planes: Planes,
     grain: Grain,
-    /// The solids; none for one without an end, and none where there is nothing but beams.
+    /// The solids; none for one without an end or with a texture, and none where there is nothing but beams.
     solids: Vec<Option<Covered>>,
 }
 
 impl<'a> Pooled<'a> {
-    /// Pictures of `scene` by `bssrdf`. Its own draws do it all on half-spaces, and if they are not
+    /// Pictures of `scene` by `bssrdf`. Its own draws do it all on half-spaces and under textures, and if they are not
     /// those of [`Sampling::Axes`].
     pub fn new(scene: &'a Scene, bssrdf: Bssrdf, seed: u64, components: bool) -> Self {
         let wanted = bssrdf.sampling() == Sampling::Axes
@@ -60,7 +60,9 @@ impl<'a> Pooled<'a> {
         let share = PER_PIXEL * scene.pixels() as f64 / scene.objects.len() as f64;
         let points = share.clamp(LEAST, MOST) as usize;
         let covered = |(index, object): (usize, &crate::Object)| {
-            let surface = Surface::new(&object.shape).filter(|_| wanted)?;
+            // Under a texture each look at a point takes so long that draws of its own are cheaper.
+            let even = object.material.texture.is_none();
+            let surface = Surface::new(&object.shape).filter(|_| wanted && even)?;
             let surface = surface.by_light(scene, index);
             let area = surface.largest(points);
             let all = bssrdf.drawn_by(index);
@@ -78,10 +80,9 @@ impl<'a> Pooled<'a> {
                 all.iter().map(square).fold(f64::INFINITY, f64::min)
             };
             let nearest = near.iter().copied().fold(f64::INFINITY, f64::min);
-            let textured = object.material.texture.is_some();
             let tables = bssrdf.of_object(index).iter().map(|family| {
                 let tables = family.tables().iter();
-                tables.map(|d| BySquare::new(d, textured)).collect()
+                tables.map(|d| BySquare::new(d, false)).collect()
             });
             Some(Covered {
                 surface,
@@ -113,8 +114,7 @@ impl<'a> Pooled<'a> {
                 surface, points, ..
             } = covered.as_ref()?;
             let mut rng = stream(self.seed, &[7, round, object as u64]);
-            let textured = scene.objects[object].material.texture.is_some();
-            let (mut places, mut powers, mut media) = (vec![], vec![], vec![]);
+            let (mut places, mut powers) = (vec![], vec![]);
             for (point, area) in surface.points(scene, object, *points, &mut rng) {
                 places.push(Lit {
                     at: point.at,
@@ -122,12 +122,9 @@ impl<'a> Pooled<'a> {
                     area,
                 });
                 powers.extend(entering(scene, &point, area, &mut rng));
-                if textured {
-                    media.extend(&*scene.media(&point));
-                }
             }
             let families = self.bssrdf.of_object(object);
-            Some(Tree::new(&places, &powers, &media, families, &[]))
+            Some(Tree::new(&places, &powers, &[], families, &[]))
         };
         Pool {
             method: self,
@@ -200,12 +197,8 @@ impl Pool<'_> {
         out: &mut [f64],
     ) {
         let material = &self.method.scene.objects[point.object].material;
-        let even: Vec<Local> = if material.texture.is_none() {
-            let bssrdf = &self.method.bssrdf;
-            bssrdf.at(point.object, &material.media).collect()
-        } else {
-            vec![]
-        };
+        let bssrdf = &self.method.bssrdf;
+        let locals: Vec<Local> = bssrdf.at(point.object, &material.media).collect();
         let small = |area: f64, square: f64| {
             area < SMALL * (square + covered.depth) * (1.0 + covered.falling * square)
         };
@@ -214,19 +207,11 @@ impl Pool<'_> {
             let offset: Vec3 = point.at - from.at;
             let (square, along) = (offset.length_squared(), offset.dot(from.normal));
             for (channel, out) in out.iter_mut().enumerate() {
-                let tables = &covered.spreads[channel];
-                if let Some(local) = even.get(channel) {
-                    let square = local.square_of_distance(square, along);
-                    if square >= covered.near[channel] {
-                        let of_table = |table: usize, own| tables[table].value(own);
-                        *out += times * powers[channel] * local.spread_by(square, of_table);
-                    }
-                } else {
-                    let source = tree.source(k, channel);
-                    let square = source.square_of_distance(square, along);
-                    if square >= covered.near[channel] {
-                        *out += times * source.light(tables, square);
-                    }
+                let (local, tables) = (&locals[channel], &covered.spreads[channel]);
+                let square = local.square_of_distance(square, along);
+                if square >= covered.near[channel] {
+                    let of_table = |table: usize, own| tables[table].value(own);
+                    *out += times * powers[channel] * local.spread_by(square, of_table);
                 }
             }
         });

@@ -8,7 +8,7 @@ use physics::{DiffuseFresnel, Dipole, Medium, ReducedMedium, fresnel};
 use render::bssrdf::{Bssrdf, Exit, Family, Sampling};
 use render::surface::{Point, Shader};
 use render::{
-    Block, Brdf, Gather, HalfSpace, Kind, Light, MonteCarlo, Options, PointCloud, Pooled, Scene,
+    Block, Brdf, Gather, HalfSpace, Kind, Light, MonteCarlo, Options, PointCloud, Scene,
     SceneError, Shape, Sphere, Texture, Vec3,
 };
 use sample::{dipole, scene};
@@ -356,41 +356,6 @@ fn single_scattering_knows_both_ends() {
     println!("{found:.6} +- {u:.6} for {expected:.6}");
     assert!((found - expected).abs() < 4.0 * u + 0.01 * expected);
     assert!(u < 0.01 * expected);
-}
-
-/// The pool knows of each of its points which medium is there: on a block with a board, the light of a
-/// point is what it would draw for itself.
-#[test]
-fn the_pool_of_a_board_is_what_drawing_finds() {
-    let block = Shape::Block(Block {
-        min: Vec3::new(-12.0, -12.0, -10.0),
-        max: Vec3::new(12.0, 12.0, 0.0),
-    });
-    let board = texture(&[MARBLE, DARK, DARK, MARBLE], 2, [3.0, 2.0]);
-    let scene = textured(scene(block, vec![MARBLE], slanted()), board);
-    let point = on_top(&scene, -2.3, 1.1);
-    let shader = bssrdf(&scene);
-    let [_, (drawn, of_drawn)] = shaded(&scene, &shader, &point, 300_000);
-    let method = Pooled::new(&scene, shader, 3, false);
-    let rounds = 600;
-    let mut rng = stream(10, &[]);
-    let (mut sum, mut square) = (0.0, 0.0);
-    for round in 0..rounds {
-        let pool = method.pool(round);
-        let mut out = [0.0];
-        for _ in 0..100 {
-            pool.shade(&scene, &point, point.normal, &mut rng, &mut [0.0], &mut out);
-        }
-        let found = out[0] / 100.0;
-        sum += found;
-        square += found * found;
-    }
-    let n = rounds as f64;
-    let mean = sum / n;
-    let u = ((square / n - mean * mean) / n).sqrt().hypot(of_drawn);
-    println!("{:.5} +- {:.5} of what is drawn", mean / drawn, u / drawn);
-    assert!((mean - drawn).abs() < 4.0 * u, "{mean} {drawn} +- {u}");
-    assert!(u < 7e-3 * drawn, "{u}");
 }
 
 #[test]
