@@ -212,7 +212,8 @@ impl Open {
     }
 }
 
-/// Measures one capture of the batch that is [`Open`] in `folder`, here or on another machine.
+/// Measures one capture of the batch that is [`Open`] in `folder`, here or on another machine, unless
+/// it stands there.
 ///
 /// # Errors
 ///
@@ -225,10 +226,16 @@ pub fn capture(
     monitor: &dyn Monitor,
 ) -> Result<Report> {
     let place = Place::join(folder)?;
-    let outcome = place.capture(listed, options, &Room::default(), &Quiet(monitor), &measure)?;
+    // A scheduler runs it once more when the machine that did it dies, also while its batch comes to an
+    // end, and others read: what stands is then left as it is.
+    let again = Options {
+        resume: true,
+        ..options.clone()
+    };
+    let outcome = place.capture(listed, &again, &Room::default(), &Quiet(monitor), &measure)?;
     Ok(Report {
         material: outcome.material,
-        stood: outcome.found.map(|found| found.stood),
+        stood: outcome.found.map(|found| found.stood && options.resume),
     })
 }
 
@@ -740,6 +747,15 @@ mod tests {
             assert_eq!(lost.join().unwrap().stood, Ok(false));
             reports
         });
+        // One that is run again, since the machine of the first died, leaves what stands as it is.
+        let written = || {
+            fs::metadata(folder.join("captures/0/fit.json"))
+                .unwrap()
+                .modified()
+        };
+        let before = written().unwrap();
+        let again = capture(&folder, listed, &options, &Silent).unwrap();
+        assert_eq!((again.stood, written().unwrap()), (Ok(false), before));
         let batch = open.finish(reports).unwrap();
         assert_eq!((batch.failed(), batch.stood()), (1, 0));
         drop(open);
