@@ -108,12 +108,17 @@ fn five_half_spaces_reflect_what_adding_doubling_says() {
             scattered: vec![true],
             unscattered: vec![true],
         };
-        let paths = effort(20_000);
+        const PATHS: u64 = 20_000;
+        let paths = effort(PATHS);
         let mean = |even: bool| {
             let mut rng = stream(4, &[u64::from(even)]);
             let mut leaps = leap::of_scene(&scene, 4, u64::from(even));
             let (mut sum, mut square) = (0.0, 0.0);
-            for _ in 0..paths {
+            for path in 0..paths {
+                // Leaps are a sample, too, whose noise all paths of a round share.
+                if path > 0 && path % PATHS == 0 {
+                    leaps = leap::of_scene(&scene, 4, 2 * (path / PATHS) + u64::from(even));
+                }
                 let cos = if even { uniform(&mut rng).sqrt() } else { 1.0 };
                 let down = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos);
                 let mut value = 0.0;
