@@ -10,9 +10,9 @@ pub(crate) mod tree;
 
 use crate::Vec3;
 use crate::bssrdf::{Bssrdf, Diffusion, Local, square_of_distance};
-use crate::method::{Method, Picture, Planes};
+use crate::method::{Method, Picture};
 use crate::scene::{Scene, SceneError};
-use crate::surface::{Grain, Point, Shader, arrives, picture};
+use crate::surface::{Canvas, Point, Shader, arrives};
 use palette::Palette;
 use physics::random::{Stream, stream};
 use physics::{Medium, fresnel};
@@ -173,15 +173,11 @@ impl Source {
         }
     }
 
-    /// [`square_of_distance`] for its own source.
+    /// The light of it that leaves at a point whose offset has the square `square` and the part
+    /// `along` the normal, by tables of logarithms.
     #[inline]
-    pub(crate) fn square_of_distance(&self, square: f64, along: f64) -> f64 {
-        square_of_distance(square, along, f64::from(self.source_depth_mm))
-    }
-
-    /// The light of it that leaves at the square of a distance, by tables of logarithms.
-    #[inline]
-    pub(crate) fn light(&self, ln_tables: &[BySquare], square: f64) -> f64 {
+    fn light(&self, ln_tables: &[BySquare], square: f64, along: f64) -> f64 {
+        let square = square_of_distance(square, along, f64::from(self.source_depth_mm));
         let own = square * f64::from(self.per_square);
         let table = self.table as usize;
         let mut ln_light = ln_tables[table].value(own);
@@ -194,12 +190,9 @@ impl Source {
 
 /// The method.
 pub struct PointCloud<'a> {
-    scene: &'a Scene,
     bssrdf: Bssrdf,
     gather: Gather,
-    seed: u64,
-    planes: Planes,
-    grain: Grain,
+    canvas: Canvas<'a>,
     solids: Vec<Solid>,
 }
 
@@ -270,16 +263,10 @@ impl<'a> PointCloud<'a> {
         };
         let solids = scene.objects.iter().enumerate().map(solid);
         Ok(Self {
-            scene,
             solids: solids.collect::<Result<_, _>>()?,
             bssrdf,
             gather,
-            seed,
-            planes: Planes {
-                channels: scene.channels.len(),
-                components,
-            },
-            grain: Grain::default(),
+            canvas: Canvas::new(scene, seed, components),
         })
     }
 
@@ -290,45 +277,45 @@ impl<'a> PointCloud<'a> {
         let mut media: Vec<Vec<Medium>> = vec![vec![]; self.solids.len()];
         let mut remember = |point: &Point| {
             if point.coordinates.is_some() {
-                media[point.object].extend(&*self.scene.media(point));
+                media[point.object].extend(&*self.canvas.scene.media(point));
             }
         };
         for (object, solid) in self.solids.iter().enumerate() {
             let Some(surface) = &solid.surface else {
                 continue;
             };
-            let mut rng = stream(self.seed, &[5, round, object as u64]);
-            for (point, area) in surface.points(self.scene, object, solid.points, &mut rng) {
+            let mut rng = stream(self.canvas.seed, &[5, round, object as u64]);
+            for (point, area) in surface.points(self.canvas.scene, object, solid.points, &mut rng) {
                 points[object].push(Lit {
                     at: point.at,
                     normal: point.true_normal,
                     area,
                 });
-                powers[object].extend(entering(self.scene, &point, area, &mut rng));
+                powers[object].extend(entering(self.canvas.scene, &point, area, &mut rng));
                 remember(&point);
             }
         }
         // A beam lights a spot that may lie between all points: its own rays are some more.
-        for (index, lamp) in self.scene.lamps.iter().enumerate() {
+        for (index, lamp) in self.canvas.scene.lamps.iter().enumerate() {
             let Some(spot) = lamp.light.spot() else {
                 continue;
             };
-            let mut rng = stream(self.seed, &[6, round, index as u64]);
+            let mut rng = stream(self.canvas.seed, &[6, round, index as u64]);
             let extent = spot.extent();
             for _ in 0..RAYS {
-                let ray = lamp.light.emit(self.scene.reach(), &mut rng);
-                let Some((object, hit)) = self.scene.enter(ray.origin, ray.direction) else {
+                let ray = lamp.light.emit(self.canvas.scene.reach(), &mut rng);
+                let Some((object, hit)) = self.canvas.scene.enter(ray.origin, ray.direction) else {
                     continue;
                 };
                 let at = ray.origin + hit.distance * ray.direction;
-                let point = Point::new(self.scene, object, at, &hit);
+                let point = Point::new(self.canvas.scene, object, at, &hit);
                 let cos_in = (-ray.direction.dot(point.normal)).clamp(0.0, 1.0);
                 points[object].push(Lit {
                     at,
                     normal: point.true_normal,
                     area: PI * extent * extent / RAYS as f64,
                 });
-                let media = self.scene.objects[object].material.media.iter();
+                let media = self.canvas.scene.objects[object].material.media.iter();
                 powers[object].extend(media.zip(&lamp.strength).map(|(medium, strength)| {
                     ray.power / RAYS as f64 * strength * fresnel::entry_factor(medium.eta, cos_in)
                 }));
@@ -361,7 +348,7 @@ impl<'a> PointCloud<'a> {
     /// Radius of the widest bell, mm, and the light that leaves under the bells around every point of a
     /// tree, in each channel, W mm⁻².
     fn gathered(&self, object: usize, tree: &Tree, radius: Option<f64>) -> (f64, Vec<f64>) {
-        let even = &self.scene.objects[object].material.media;
+        let even = &self.canvas.scene.objects[object].material.media;
         let channels = even.len();
         let of_media = |media: &[Medium]| -> Vec<(f64, f64)> {
             let all = self.bssrdf.at(object, media);
@@ -392,7 +379,7 @@ impl<'a> PointCloud<'a> {
     }
 
     fn is_textured(&self, object: usize) -> bool {
-        self.scene.objects[object].material.texture.is_some()
+        self.canvas.scene.objects[object].material.texture.is_some()
     }
 }
 
@@ -422,23 +409,15 @@ pub(crate) fn entering(scene: &Scene, point: &Point, area: f64, rng: &mut Stream
 
 impl Method for PointCloud<'_> {
     fn scene(&self) -> &Scene {
-        self.scene
+        self.canvas.scene
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene, 0)
+        self.canvas.empty()
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let cloud = self.cloud(index);
-        let Self {
-            scene,
-            seed,
-            planes,
-            ref grain,
-            ..
-        } = *self;
-        (picture(scene, &cloud, seed, planes, index, grain), vec![])
+        self.canvas.round(&self.cloud(index), index)
     }
 }
 
@@ -478,8 +457,8 @@ impl Cloud<'_> {
                 let (square, along) = offset(from);
                 match seen {
                     Seen::Point(k) => {
-                        let source = tree.source(k, channel);
-                        source.light(&tables[channel], source.square_of_distance(square, along))
+                        tree.source(k, channel)
+                            .light(&tables[channel], square, along)
                     }
                     Seen::Node(k) => {
                         let mixture = tree.mixture(k, channel);
@@ -492,7 +471,9 @@ impl Cloud<'_> {
             gathered(tree, point.at, solid_angle, light, out);
             return;
         }
-        let even = &self.method.scene.objects[point.object].material.media;
+        let even = &self.method.canvas.scene.objects[point.object]
+            .material
+            .media;
         let even: Vec<Local> = self.method.bssrdf.at(point.object, even).collect();
         let light = |from: &Lit, seen, channel: usize| {
             let (square, along) = offset(from);

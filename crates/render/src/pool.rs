@@ -9,12 +9,12 @@
 
 use crate::Vec3;
 use crate::bssrdf::{Bssrdf, Diffusion, Local, Sampling};
-use crate::method::{Method, Picture, Planes};
+use crate::method::{Method, Picture};
 use crate::point_cloud::samples::Surface;
 use crate::point_cloud::tree::{Lit, Tree};
 use crate::point_cloud::{BySquare, entering};
 use crate::scene::Scene;
-use crate::surface::{Grain, Point, Shader, picture};
+use crate::surface::{Canvas, Point, Shader};
 use physics::random::{Stream, stream};
 
 /// Points for each pixel, all solids together, and at most and least of one of them.
@@ -31,8 +31,8 @@ const SMALL: f64 = 0.15;
 struct Covered {
     surface: Surface,
     points: usize,
-    /// R_d of each channel, table by table of its family.
-    spreads: Vec<Vec<BySquare>>,
+    /// R_d of each channel.
+    spreads: Vec<BySquare>,
     /// Squares of the distance within which points are too few, mm², by channel.
     near: Vec<f64>,
     /// Squares of the least depth of a source, mm², and the least σₜᵣ, mm⁻².
@@ -42,18 +42,16 @@ struct Covered {
 
 /// The method.
 pub struct Pooled<'a> {
-    scene: &'a Scene,
     bssrdf: Bssrdf,
-    seed: u64,
-    planes: Planes,
-    grain: Grain,
-    /// The solids; none for one without an end or with a texture, and none where there is nothing but beams.
+    canvas: Canvas<'a>,
+    /// The solids; none for one without an end or with a texture, and none where there is nothing
+    /// but beams.
     solids: Vec<Option<Covered>>,
 }
 
 impl<'a> Pooled<'a> {
-    /// Pictures of `scene` by `bssrdf`. Its own draws do it all on half-spaces and under textures, and if they are not
-    /// those of [`Sampling::Axes`].
+    /// Pictures of `scene` by `bssrdf`. Its own draws do it all on half-spaces and under textures,
+    /// and if they are not those of [`Sampling::Axes`].
     pub fn new(scene: &'a Scene, bssrdf: Bssrdf, seed: u64, components: bool) -> Self {
         let wanted = bssrdf.sampling() == Sampling::Axes
             && scene.lamps.iter().any(|lamp| !lamp.light.is_beam());
@@ -66,24 +64,14 @@ impl<'a> Pooled<'a> {
             let surface = surface.by_light(scene, index);
             let area = surface.largest(points);
             let all = bssrdf.drawn_by(index);
-            let mut rest = all;
-            let near = (0..scene.channels.len()).map(|channel| {
-                let count = object.material.representatives(channel).len();
-                let (of_channel, others) = rest.split_at(count);
-                rest = others;
-                let radii = of_channel.iter().map(|d| too_near(d, area));
-                radii.fold(0.0, f64::max).powi(2)
-            });
-            let near: Vec<f64> = near.collect();
+            let near: Vec<f64> = all.iter().map(|d| too_near(d, area).powi(2)).collect();
             let least = |of: fn(&Diffusion) -> f64| {
                 let square = |d| of(d).powi(2);
                 all.iter().map(square).fold(f64::INFINITY, f64::min)
             };
             let nearest = near.iter().copied().fold(f64::INFINITY, f64::min);
-            let tables = bssrdf.of_object(index).iter().map(|family| {
-                let tables = family.tables().iter();
-                tables.map(|d| BySquare::new(d, false)).collect()
-            });
+            // Where nothing has a texture, the draws of a channel and its tables are one diffusion.
+            let tables = all.iter().map(|d| BySquare::new(d, false));
             Some(Covered {
                 surface,
                 points,
@@ -95,25 +83,19 @@ impl<'a> Pooled<'a> {
         };
         Self {
             solids: scene.objects.iter().enumerate().map(covered).collect(),
-            scene,
             bssrdf,
-            seed,
-            planes: Planes {
-                channels: scene.channels.len(),
-                components,
-            },
-            grain: Grain::default(),
+            canvas: Canvas::new(scene, seed, components),
         }
     }
 
     /// The points of a round.
     pub fn pool(&self, round: u64) -> Pool<'_> {
-        let scene = self.scene;
+        let scene = self.canvas.scene;
         let tree = |(object, covered): (usize, &Option<Covered>)| {
             let Covered {
                 surface, points, ..
             } = covered.as_ref()?;
-            let mut rng = stream(self.seed, &[7, round, object as u64]);
+            let mut rng = stream(self.canvas.seed, &[7, round, object as u64]);
             let (mut places, mut powers) = (vec![], vec![]);
             for (point, area) in surface.points(scene, object, *points, &mut rng) {
                 places.push(Lit {
@@ -154,23 +136,15 @@ fn too_near(diffusion: &Diffusion, area: f64) -> f64 {
 
 impl Method for Pooled<'_> {
     fn scene(&self) -> &Scene {
-        self.scene
+        self.canvas.scene
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene, 0)
+        self.canvas.empty()
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let pool = self.pool(index);
-        let Self {
-            scene,
-            seed,
-            planes,
-            ref grain,
-            ..
-        } = *self;
-        (picture(scene, &pool, seed, planes, index, grain), vec![])
+        self.canvas.round(&self.pool(index), index)
     }
 }
 
@@ -196,7 +170,7 @@ impl Pool<'_> {
         rng: &mut Stream,
         out: &mut [f64],
     ) {
-        let material = &self.method.scene.objects[point.object].material;
+        let material = &self.method.canvas.scene.objects[point.object].material;
         let bssrdf = &self.method.bssrdf;
         let locals: Vec<Local> = bssrdf.at(point.object, &material.media).collect();
         let small = |area: f64, square: f64| {
@@ -207,11 +181,11 @@ impl Pool<'_> {
             let offset: Vec3 = point.at - from.at;
             let (square, along) = (offset.length_squared(), offset.dot(from.normal));
             for (channel, out) in out.iter_mut().enumerate() {
-                let (local, tables) = (&locals[channel], &covered.spreads[channel]);
+                let (local, table) = (&locals[channel], &covered.spreads[channel]);
                 let square = local.square_of_distance(square, along);
                 if square >= covered.near[channel] {
-                    let of_table = |table: usize, own| tables[table].value(own);
-                    *out += times * powers[channel] * local.spread_by(square, of_table);
+                    let light = local.spread_by(square, |_, own| table.value(own));
+                    *out += times * powers[channel] * light;
                 }
             }
         });

@@ -88,11 +88,106 @@ pub trait Shader: Sync {
 
 /// The method that a shader makes.
 pub struct Shaded<'a, S> {
-    scene: &'a Scene,
     shader: S,
-    seed: u64,
+    canvas: Canvas<'a>,
+}
+
+/// What all methods that shade a surface make their pictures of.
+pub(crate) struct Canvas<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) seed: u64,
     planes: Planes,
     grain: Grain,
+}
+
+impl<'a> Canvas<'a> {
+    pub(crate) fn new(scene: &'a Scene, seed: u64, components: bool) -> Self {
+        Self {
+            scene,
+            seed,
+            planes: Planes {
+                channels: scene.channels.len(),
+                components,
+            },
+            grain: Grain::default(),
+        }
+    }
+
+    /// A picture without any light yet.
+    pub(crate) fn empty(&self) -> Picture {
+        Picture::empty(self.planes, self.scene, 0)
+    }
+
+    /// The round `index` by `shader`, as a [`Method`] makes it.
+    pub(crate) fn round(&self, shader: &impl Shader, index: u64) -> (Vec<f64>, Vec<f64>) {
+        let Self {
+            scene,
+            seed,
+            planes,
+            ref grain,
+        } = *self;
+        let pixels = scene.pixels();
+        let [width, _] = scene.camera.size();
+        let channels = scene.channels.len();
+        let mut picture = vec![0.0; planes.len() * pixels];
+        let all = vec![true; scene.lamps.len()];
+        let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
+        let mut weight = vec![1.0; channels];
+        for pixel in 0..pixels {
+            let mut rng = stream(seed, &[4, index, pixel as u64]);
+            let mut add = |channel: usize, order: u32, value: f64| {
+                picture[planes.of(channel, order) * pixels + pixel] += value;
+            };
+            let parts = grain.of(scene, pixel);
+            let pick = |of: u32, rng: &mut Stream| (uniform(rng) * f64::from(of)) as u32;
+            let turn = pick(RAYS, &mut rng);
+            for quarter in 0..RAYS {
+                // All places of a quarter are shaded alike often, and all quarters.
+                let chosen = pick(parts * parts, &mut rng);
+                let rank = (quarter + turn) % RAYS;
+                for ray in 0..parts * parts {
+                    let within = [ray % parts, ray / parts]
+                        .map(|part| (f64::from(part) + uniform(&mut rng)) / f64::from(parts));
+                    let x = (f64::from(quarter % SIDE) + within[0]) / f64::from(SIDE);
+                    let y = (f64::from(quarter / SIDE) + within[1]) / f64::from(SIDE);
+                    let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
+                    let shade = |mirrors: usize, point: &Point, direction: Vec3, weight: &[f64]| {
+                        // What little a mirror adds is worth no more than one.
+                        let shaded = match (mirrors, parts) {
+                            (0, 1) => shader.shaded(),
+                            (0, _) => RAYS,
+                            _ => 1,
+                        };
+                        if ray != chosen || rank >= shaded {
+                            return;
+                        }
+                        single.fill(0.0);
+                        diffuse.fill(0.0);
+                        shader.shade(
+                            scene,
+                            point,
+                            -direction,
+                            &mut rng,
+                            &mut single,
+                            &mut diffuse,
+                        );
+                        for (channel, weight) in weight.iter().enumerate() {
+                            let weight = weight / f64::from(shaded);
+                            add(channel, 1, weight * single[channel]);
+                            add(channel, 2, weight * diffuse[channel]);
+                        }
+                    };
+                    let of_camera = scene.camera.ray(column + x, row + y);
+                    if follow(scene, of_camera, &all, &mut weight, shade) {
+                        for (channel, radiance) in weight.iter().enumerate() {
+                            add(channel, 0, radiance / f64::from(RAYS * parts * parts));
+                        }
+                    }
+                }
+            }
+        }
+        (picture, vec![])
+    }
 }
 
 /// Mirrors that a ray of the camera may meet before it is given up.
@@ -111,16 +206,9 @@ const ALIKE: f64 = 0.1;
 impl<'a, S: Shader> Shaded<'a, S> {
     /// Pictures of `scene` by `shader`.
     pub fn new(scene: &'a Scene, shader: S, seed: u64, components: bool) -> Self {
-        let channels = scene.channels.len();
         Self {
-            scene,
             shader,
-            seed,
-            planes: Planes {
-                channels,
-                components,
-            },
-            grain: Grain::default(),
+            canvas: Canvas::new(scene, seed, components),
         }
     }
 
@@ -132,22 +220,15 @@ impl<'a, S: Shader> Shaded<'a, S> {
 
 impl<S: Shader> Method for Shaded<'_, S> {
     fn scene(&self) -> &Scene {
-        self.scene
+        self.canvas.scene
     }
 
     fn empty(&self) -> Picture {
-        Picture::empty(self.planes, self.scene, 0)
+        self.canvas.empty()
     }
 
     fn round(&self, index: u64) -> (Vec<f64>, Vec<f64>) {
-        let Self {
-            scene,
-            ref shader,
-            seed,
-            planes,
-            ref grain,
-        } = *self;
-        (picture(scene, shader, seed, planes, index, grain), vec![])
+        self.canvas.round(&self.shader, index)
     }
 }
 
@@ -254,78 +335,6 @@ fn follow(
         direction = mirrored;
     }
     false
-}
-
-/// The round `index` of a picture, in each plane.
-pub(crate) fn picture(
-    scene: &Scene,
-    shader: &impl Shader,
-    seed: u64,
-    planes: Planes,
-    index: u64,
-    grain: &Grain,
-) -> Vec<f64> {
-    let pixels = scene.pixels();
-    let [width, _] = scene.camera.size();
-    let channels = scene.channels.len();
-    let mut picture = vec![0.0; planes.len() * pixels];
-    let all = vec![true; scene.lamps.len()];
-    let (mut single, mut diffuse) = (vec![0.0; channels], vec![0.0; channels]);
-    let mut weight = vec![1.0; channels];
-    for pixel in 0..pixels {
-        let mut rng = stream(seed, &[4, index, pixel as u64]);
-        let mut add = |channel: usize, order: u32, value: f64| {
-            picture[planes.of(channel, order) * pixels + pixel] += value;
-        };
-        let parts = grain.of(scene, pixel);
-        let pick = |of: u32, rng: &mut Stream| (uniform(rng) * f64::from(of)) as u32;
-        let turn = pick(RAYS, &mut rng);
-        for quarter in 0..RAYS {
-            // All places of a quarter are shaded alike often, and all quarters.
-            let chosen = pick(parts * parts, &mut rng);
-            let rank = (quarter + turn) % RAYS;
-            for ray in 0..parts * parts {
-                let within = [ray % parts, ray / parts]
-                    .map(|part| (f64::from(part) + uniform(&mut rng)) / f64::from(parts));
-                let x = (f64::from(quarter % SIDE) + within[0]) / f64::from(SIDE);
-                let y = (f64::from(quarter / SIDE) + within[1]) / f64::from(SIDE);
-                let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
-                let shade = |mirrors: usize, point: &Point, direction: Vec3, weight: &[f64]| {
-                    // What little a mirror adds is worth no more than one.
-                    let shaded = match (mirrors, parts) {
-                        (0, 1) => shader.shaded(),
-                        (0, _) => RAYS,
-                        _ => 1,
-                    };
-                    if ray != chosen || rank >= shaded {
-                        return;
-                    }
-                    single.fill(0.0);
-                    diffuse.fill(0.0);
-                    shader.shade(
-                        scene,
-                        point,
-                        -direction,
-                        &mut rng,
-                        &mut single,
-                        &mut diffuse,
-                    );
-                    for (channel, weight) in weight.iter().enumerate() {
-                        let weight = weight / f64::from(shaded);
-                        add(channel, 1, weight * single[channel]);
-                        add(channel, 2, weight * diffuse[channel]);
-                    }
-                };
-                let of_camera = scene.camera.ray(column + x, row + y);
-                if follow(scene, of_camera, &all, &mut weight, shade) {
-                    for (channel, radiance) in weight.iter().enumerate() {
-                        add(channel, 0, radiance / f64::from(RAYS * parts * parts));
-                    }
-                }
-            }
-        }
-    }
-    picture
 }
 
 /// Light of a lamp at a point of a surface, if nothing is in the way and it comes from outside.
