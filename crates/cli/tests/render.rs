@@ -606,20 +606,21 @@ fn textures_are_shown_or_answered() {
         fs::write(path.join("scene.toml"), sky.replace("eta = 1.4", &keys)).unwrap();
     };
     let render = |more: &[&str]| {
-        let common = ["render", "scene.toml", "-o", "x.exr", "--rounds", "2"];
-        call(path, &[&common[..], more, &["--force"]].concat())
+        let common = ["render", "scene.toml", "-o", "x.exr", "--force"];
+        call(path, &[&common[..], more].concat())
     };
-    // The light of a texture of one value is that of the medium with this value.
+    // The light of a texture of one value is that of the medium with this value. Where bssrdf
+    // has no texture it draws in another way: there the two agree within their noise only.
     let mean = |name: &str| {
         let (code, out, error) = call(path, &["compare", name, name, "--json"]);
         assert_eq!(code, Some(0), "{error}");
         let found: serde_json::Value = serde_json::from_str(&out).unwrap();
         found["channels"][0]["mean"][0].as_f64().unwrap()
     };
-    for more in [
-        &["--method", "bssrdf"][..],
-        &["--method", "point-cloud"],
-        &["--method", "brdf"],
+    for (more, within) in [
+        (&["--method", "bssrdf", "--rounds", "400"][..], 2e-3),
+        (&["--method", "point-cloud", "--rounds", "2"], 1e-4),
+        (&["--method", "brdf", "--rounds", "2"], 1e-4),
     ] {
         if !more.contains(&"point-cloud") {
             texture("size_mm = [3, 3], albedo = \"grays.pgm\"");
@@ -634,7 +635,7 @@ fn textures_are_shown_or_answered() {
         assert_eq!(render(more).0, Some(0));
         let found = mean("x.exr");
         println!("{more:?}: {found} for {expected}");
-        assert!((found / expected - 1.0).abs() < 1e-3, "{more:?}");
+        assert!((found / expected - 1.0).abs() < within, "{more:?}");
     }
     let layers = SCENE.replace(
         "eta = 1.4",
