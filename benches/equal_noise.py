@@ -10,14 +10,12 @@ in it: `beamspot validate` shows it.
 Needs PyPI's mitsuba (to read EXR) and numpy.
 """
 
-import resource
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+from rendered import rendered
 
 SCENE = Path(__file__).parent.parent / "scenes" / "jensen9.toml"
 ROUNDS = {"bssrdf": 4, "monte-carlo": 12}
@@ -27,16 +25,8 @@ BLOCK = 32
 
 def picture(binary, method, seed):
     """Planes by name, and CPU seconds."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "bust.exr")
-        command = [binary, "render", SCENE, "-o", path, "--components", "--threads", "1", "--seed", str(seed)]
-        command += ["--method", method, "--rounds", str(ROUNDS[method])]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        subprocess.run(command, check=True, capture_output=True)
-        seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
-        bitmap = mi.Bitmap(str(path))
-    names = [bitmap.struct_()[k].name for k in range(bitmap.channel_count())]
-    return dict(zip(names, np.moveaxis(np.array(bitmap, dtype=float), 2, 0))), seconds
+    options = ["--components", "--seed", seed, "--method", method, "--rounds", ROUNDS[method]]
+    return rendered(binary, SCENE, *options)
 
 
 def blocks(plane):

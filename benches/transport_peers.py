@@ -8,8 +8,6 @@ full transport through a smooth boundary without a limit on bounces; the means h
 Needs PyPI's mitsuba (its llvm variants need Debian's libllvm19) and numpy.
 """
 
-import resource
-import subprocess
 import sys
 import tempfile
 import time
@@ -17,6 +15,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+from rendered import rendered
 
 SIZE = 64
 SIGMA_A, SIGMA_S, ETA = 0.0041, 2.62, 1.5
@@ -56,19 +55,8 @@ def of_beamspot(binary, rounds):
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder, "cube.toml")
         scene.write_text(SCENE)
-        picture = Path(folder, "cube.exr")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(
-            [binary, "render", scene, "-o", picture, "--rounds", str(rounds), "--threads", "1"],
-            check=True,
-            capture_output=True,
-        )
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        bitmap = mi.Bitmap(str(picture))
-        names = [bitmap.struct_()[k].name for k in range(bitmap.channel_count())]
-        data = np.array(bitmap, dtype=float)
-        variance = next(k for k, name in enumerate(names) if name.endswith("variance"))
-        return data[..., 1 - variance], data[..., variance], after.ru_utime - before.ru_utime
+        planes, seconds = rendered(binary, scene, "--rounds", rounds)
+    return planes["G"], planes["G.variance"], seconds
 
 
 def of_mitsuba(variant, roulette, samples, repeats):

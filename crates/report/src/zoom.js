@@ -143,15 +143,19 @@ for (const svg of document.querySelectorAll("figure svg.figure")) {
     }
     show();
   };
+  // Where in the figure the pointer is.
+  const pointed = event => {
+    const seen = svg.getBoundingClientRect();
+    return [(event.clientX - seen.left) / seen.width * width, (event.clientY - seen.top) / seen.height * height];
+  };
   // The panel under the pointer, and where in it the pointer is.
   const under = event => {
-    const seen = svg.getBoundingClientRect();
-    const x = (event.clientX - seen.left) / seen.width * width, y = (event.clientY - seen.top) / seen.height * height;
+    const [x, y] = pointed(event);
     const panel = panels.find(p => x >= p.x ? p.x + p.wide >= x ? y >= p.y ? p.y + p.high >= y : false : false : false);
-    return panel ? place(panel, x, y) : null;
+    return panel ? place(panel, [x, y]) : null;
   };
-  const place = (panel, x, y) => ({
-    panel, x, y,
+  const place = (panel, [x, y]) => ({
+    panel,
     across: left + (x - panel.x) / panel.wide * (right - left),
     up: panel.to - (y - panel.y) / panel.high * (panel.to - panel.from)
   });
@@ -195,9 +199,7 @@ for (const svg of document.querySelectorAll("figure svg.figure")) {
   });
   svg.addEventListener("pointermove", event => {
     if (held) {
-      const { panel } = held, seen = svg.getBoundingClientRect();
-      const x = (event.clientX - seen.left) / seen.width * width, y = (event.clientY - seen.top) / seen.height * height;
-      const now = place(panel, x, y);
+      const { panel } = held, now = place(panel, pointed(event));
       [left, right] = moved(left + held.across - now.across, right - left);
       [panel.from, panel.to] = moved(panel.from + held.up - now.up, panel.to - panel.from);
       show();

@@ -70,6 +70,22 @@ pub(crate) struct Tree {
     shares: Vec<f32>,
 }
 
+/// A patch with its powers, and depths of sources times power, mm W.
+type Mixed = (Patch, Vec<f32>, f64);
+
+/// What mixtures of a channel are together.
+fn sum(parts: &[(Patch, &[f32], f64)]) -> Mixed {
+    let patches = parts.iter().map(|(patch, ..)| *patch);
+    let whole = patches.fold(Patch::default(), Patch::with);
+    let mut sums = vec![0.0; whole.len()];
+    let mut moments = 0.0;
+    for (patch, powers, moment) in parts {
+        patch.add_to(powers, &whole, &mut sums);
+        moments += moment;
+    }
+    (whole, sums, moments)
+}
+
 impl Tree {
     /// Of points with their powers and, where they differ from point to point, media, with what
     /// each channel makes of them.
@@ -199,57 +215,46 @@ impl Tree {
     /// Makes the mixture of a leaf from its points.
     fn mix_points(&mut self, index: usize, channel: usize, palette: &Palette) {
         let at = |k: usize| k * self.channels + channel;
-        let lit = |k: &usize| self.powers[at(*k)] > 0.0;
-        let all = self.nodes[index].points.clone().filter(lit).map(at);
-        let weights: Vec<_> = all
-            .clone()
-            .map(|k| palette.weights(&self.media[k]))
-            .collect();
-        let patches = weights.iter().map(|(patch, _)| *patch);
-        let whole = patches.fold(Patch::default(), Patch::with);
-        let mut sums = vec![0.0; whole.len()];
-        let mut depth = 0.0;
-        for (k, (patch, weights)) in all.zip(&weights) {
-            let power = self.powers[k];
+        let lit = |k: &usize| self.powers[*k] > 0.0;
+        let all = self.nodes[index].points.clone().map(at).filter(lit);
+        let weighed = all.map(|k| {
+            let (patch, weights) = palette.weights(&self.media[k]);
+            let (power, depth) = (self.powers[k], self.sources[k].source_depth_mm);
             let powers = weights.map(|weight| weight * power as f32);
-            patch.add_to(&powers[..patch.len()], &whole, &mut sums);
-            depth += power * f64::from(self.sources[k].source_depth_mm);
-        }
-        self.mixed(index, channel, whole, &sums, depth);
+            (patch, powers, power * f64::from(depth))
+        });
+        let weighed: Vec<_> = weighed.collect();
+        let parts = weighed.iter();
+        let parts = parts.map(|(patch, powers, moment)| (*patch, &powers[..patch.len()], *moment));
+        let mixed = sum(&parts.collect::<Vec<_>>());
+        self.mixed(index, channel, mixed);
     }
 
     /// Makes the mixture of a node from those right below it.
     fn mix_nodes(&mut self, index: usize, channel: usize) {
-        let mut below = vec![];
+        let mut parts = vec![];
         let mut node = index + 1;
         while node < self.nodes[index].next {
-            below.push(node * self.channels + channel);
+            let Mixture {
+                patch,
+                powers,
+                source_depth_mm,
+            } = self.mixture(node, channel);
+            let power = self.node_powers[node * self.channels + channel];
+            parts.push((patch, powers, power * f64::from(source_depth_mm)));
             node = self.nodes[node].next;
         }
-        let patches = below.iter().map(|k| self.mixtures[*k].patch);
-        let whole = patches.fold(Patch::default(), Patch::with);
-        let mut sums = vec![0.0; whole.len()];
-        let mut depth = 0.0;
-        for k in below {
-            let Place {
-                patch,
-                start,
-                source_depth_mm,
-            } = self.mixtures[k];
-            let powers = &self.shares[start as usize..][..patch.len()];
-            patch.add_to(powers, &whole, &mut sums);
-            depth += self.node_powers[k] * f64::from(source_depth_mm);
-        }
-        self.mixed(index, channel, whole, &sums, depth);
+        let mixed = sum(&parts);
+        self.mixed(index, channel, mixed);
     }
 
-    fn mixed(&mut self, index: usize, channel: usize, patch: Patch, powers: &[f32], depth: f64) {
+    fn mixed(&mut self, index: usize, channel: usize, (patch, powers, moment): Mixed) {
         let place = index * self.channels + channel;
         let power = self.node_powers[place].max(f64::MIN_POSITIVE);
         self.mixtures[place] = Place {
             patch,
             start: self.shares.len() as u32,
-            source_depth_mm: (depth / power) as f32,
+            source_depth_mm: (moment / power) as f32,
         };
         self.shares.extend(powers);
     }
