@@ -121,11 +121,6 @@ impl Profile {
         }
     }
 
-    /// σₜᵣ, mm⁻¹.
-    pub(crate) fn sigma_tr(&self) -> f64 {
-        self.sigma_tr
-    }
-
     /// First and last radius of the table, mm: R_d is the same below, and 0 beyond.
     pub(crate) fn range(&self) -> (f64, f64) {
         let last = self.start + (RADII - 1) as f64 * self.step;

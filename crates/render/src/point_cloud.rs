@@ -110,10 +110,6 @@ impl BySquare {
 
     /// R_d with its share or, where it is to be found between several, its logarithm.
     pub(crate) fn new(diffusion: &Diffusion, logarithm: bool) -> Self {
-        let (low, high) = diffusion.profile.range();
-        let first = (low * low).to_bits() >> Self::SHIFT;
-        let last = (high * high).to_bits() >> Self::SHIFT;
-        let at = |index: u64| f64::from_bits(index << Self::SHIFT).sqrt();
         let of = |value: f64| {
             if logarithm {
                 value.max(f64::MIN_POSITIVE).ln()
@@ -121,11 +117,22 @@ impl BySquare {
                 value
             }
         };
-        let value = |index| of(diffusion.share * diffusion.profile.value(at(index)));
+        let value = |radius| of(diffusion.share * diffusion.profile.value(radius));
+        Self {
+            beyond: of(0.0),
+            ..Self::of(diffusion.profile.range(), value)
+        }
+    }
+
+    /// A function of radii in a range, mm; what it has at the first of them below, and 0 beyond.
+    pub(crate) fn of((low, high): (f64, f64), value: impl Fn(f64) -> f64) -> Self {
+        let first = (low * low).to_bits() >> Self::SHIFT;
+        let last = (high * high).to_bits() >> Self::SHIFT;
+        let at = |index: u64| f64::from_bits(index << Self::SHIFT).sqrt();
         Self {
             first,
-            values: (first..=last + 1).map(value).collect(),
-            beyond: of(0.0),
+            values: (first..=last + 1).map(|index| value(at(index))).collect(),
+            beyond: 0.0,
         }
     }
 

@@ -21,11 +21,13 @@ use physics::random::{Stream, stream};
 const PER_PIXEL: f64 = 1.0;
 const MOST: f64 = 262_144.0;
 const LEAST: f64 = 4096.0;
-/// A point may bring this share of the light of an even surface, at most; most bring much less.
-const LARGEST: f64 = 1.0;
-/// Of the square of the distance to its sources below the surface, the area of a node one point of
-/// which stands for all. It may be larger where R_d is small.
-const SMALL: f64 = 0.15;
+/// A point may bring so many times the light of an even surface, at most; most bring much less.
+const LARGEST: f64 = 4.0;
+/// One point stands for all of a node if these bring little or are alike: if the square of their share of
+/// the light of an evenly lit surface, times the area of the node over the square of the distance to its
+/// sources, is less. That goes with what the node adds to the variance, which is least for so many nodes
+/// where it is the same for all of them.
+const SMALL: f64 = 3e-4;
 
 /// A solid as it is covered with points.
 struct Covered {
@@ -35,9 +37,10 @@ struct Covered {
     spreads: Vec<BySquare>,
     /// Squares of the distance within which points are too few, mm², by channel.
     near: Vec<f64>,
-    /// Squares of the least depth of a source, mm², and the least σₜᵣ, mm⁻².
+    /// The least depth of a source, squared, mm².
     depth: f64,
-    falling: f64,
+    /// Mean of R_d of the channels over their totals, mm⁻².
+    share: BySquare,
 }
 
 /// The method.
@@ -65,11 +68,19 @@ impl<'a> Pooled<'a> {
             let area = surface.largest(points);
             let all = bssrdf.drawn_by(index);
             let near: Vec<f64> = all.iter().map(|d| too_near(d, area).powi(2)).collect();
-            let least = |of: fn(&Diffusion) -> f64| {
-                let square = |d| of(d).powi(2);
-                all.iter().map(square).fold(f64::INFINITY, f64::min)
-            };
+            let depths = all.iter().map(|d| d.source_depth_mm);
+            let least = depths.fold(f64::INFINITY, f64::min).powi(2);
             let nearest = near.iter().copied().fold(f64::INFINITY, f64::min);
+            let ranges = all.iter().map(|d| d.profile.range());
+            let whole = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+            let range = ranges.fold((f64::INFINITY, 0.0), whole);
+            let share = BySquare::of(range, |radius| {
+                let each = all
+                    .iter()
+                    .zip(&near)
+                    .map(|(d, near)| d.profile.value(radius.max(near.sqrt())) / d.profile.total());
+                each.sum::<f64>() / all.len() as f64
+            });
             // Where nothing has a texture, the draws of a channel and its tables are one diffusion.
             let tables = all.iter().map(|d| BySquare::new(d, false));
             Some(Covered {
@@ -77,8 +88,8 @@ impl<'a> Pooled<'a> {
                 points,
                 spreads: tables.collect(),
                 near,
-                depth: least(|d| d.source_depth_mm).max(nearest),
-                falling: least(|d| d.profile.sigma_tr()),
+                depth: least.max(nearest),
+                share,
             })
         };
         Self {
@@ -173,8 +184,10 @@ impl Pool<'_> {
         let material = &self.method.canvas.scene.objects[point.object].material;
         let bssrdf = &self.method.bssrdf;
         let locals: Vec<Local> = bssrdf.at(point.object, &material.media).collect();
-        let small = |area: f64, square: f64| {
-            area < SMALL * (square + covered.depth) * (1.0 + covered.falling * square)
+        let even = tree.irradiance();
+        let small = |power: f64, area: f64, square: f64| {
+            let share = power / even * covered.share.value(square);
+            share * share * area < SMALL * (square + covered.depth)
         };
         tree.drawn(point.at, small, rng, |k, times| {
             let (from, powers) = tree.point(k);

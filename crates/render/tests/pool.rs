@@ -130,7 +130,7 @@ fn the_pool_is_what_drawing_finds() {
             SLANTED,
             [0.5, 0.7, 5.0],
             [0.6, -0.3, -1.0],
-            5e-3,
+            8e-3,
         ),
     ];
     for (name, shape, light, from, toward, sharp) in cases {

@@ -263,6 +263,12 @@ impl Tree {
         self.points.len()
     }
 
+    /// Mean power over the surface, W mm⁻², channels together.
+    pub(crate) fn irradiance(&self) -> f64 {
+        let area = self.nodes.first().map_or(1.0, |node| node.mean.area);
+        self.below[self.points.len()] / area
+    }
+
     /// A point, in the order of the tree, and the power that enters there.
     pub(crate) fn point(&self, index: usize) -> (&Lit, &[f64]) {
         let powers = &self.powers[index * self.channels..][..self.channels];
@@ -343,13 +349,13 @@ impl Tree {
 
     /// Tells `add` of points and of how many times what each brings has to count, so that the sum is
     /// without bias that over all points: one of each node that is `small` enough, drawn by its
-    /// power, and all of the others. `small` is asked of the area of a node and of the square of the
-    /// distance from `from` to its box.
+    /// power, and all of the others. `small` is asked of the power and the area of a node and of the
+    /// square of the distance from `from` to its box.
     #[inline]
     pub(crate) fn drawn(
         &self,
         from: Vec3,
-        small: impl Fn(f64, f64) -> bool,
+        small: impl Fn(f64, f64, f64) -> bool,
         rng: &mut Stream,
         mut add: impl FnMut(usize, f64),
     ) {
@@ -360,7 +366,7 @@ impl Tree {
             let square = (from.clamp(node.low, node.high) - from).length_squared();
             if power <= 0.0 {
                 index = node.next;
-            } else if end - start > 1 && small(node.mean.area, square) {
+            } else if end - start > 1 && small(power, node.mean.area, square) {
                 let at = self.below[start] + uniform(rng) * power;
                 let before = self.below[start + 1..end].partition_point(|sum| *sum <= at);
                 let drawn = start + before;
