@@ -2,7 +2,9 @@
 
 use crate::error::ProfileError;
 use physics::ChannelMap;
-use pulp::NullaryFnOnce;
+use physics::simd::{LaneLoop, SimdPath};
+use rayon::prelude::*;
+use std::array::from_fn;
 
 /// Standard deviations that the brightest place must have, or there is no spot.
 const VISIBLE: f64 = 10.0;
@@ -39,140 +41,107 @@ pub fn find_center(
     width: usize,
     height: usize,
 ) -> Result<[f64; 2], ProfileError> {
-    let share = check_size(channel, width, height)?;
-    find_checked(channel, width, height, share)
-}
-
-/// The same for a channel that has been checked, of whose pixels `share` were measured.
-pub(crate) fn find_checked(
-    channel: &ChannelMap,
-    width: usize,
-    height: usize,
-    share: f64,
-) -> Result<[f64; 2], ProfileError> {
-    let picture = Picture {
-        channel,
-        width,
-        height,
-        share,
-    };
-    let peak = picture.peak()?;
-    let mut threshold = 0.5 * peak.value;
-    let mut above_half = None;
-    loop {
-        let mask = picture.connected(peak.pixel, threshold);
-        if mask.touches_edge {
-            let [x, y] = mask.centroid();
-            return Err(ProfileError::SpotAtEdge {
-                x,
-                y,
-                width,
-                height,
-                needed: NEEDED_PX,
-            });
-        }
-        let pixels = *above_half.get_or_insert(mask.pixels);
-        // Below a few standard deviations the mask would be made of noise.
-        if mask.pixels >= ENOUGH || 0.7 * threshold < 0.5 * VISIBLE * peak.u {
-            let center = mask.centroid();
-            let refined = (pixels >= WIDE).then(|| picture.balanced(center, pixels));
-            return Ok(refined.flatten().unwrap_or(center));
-        }
-        threshold *= 0.7;
-    }
+    Picture::checked(channel, width, height)?.center()
 }
 
 /// Room that a spot needs around its centre, px: fewer pixels make no profile.
 pub(crate) const NEEDED_PX: f64 = 16.0;
 
-/// Whether the channel holds what the size says, and numbers alone. The share of its pixels that
-/// were measured.
-pub(crate) fn check_size(
-    channel: &ChannelMap,
+/// Rows that one thread checks at once.
+const CHECK_ROWS: usize = 64;
+
+/// Pixels of a row that are judged together before they are looked at one by one.
+const CHUNK: usize = 64;
+
+/// Pixels that are looked at at once.
+const LANES: usize = 16;
+
+/// Some rows of a picture, to be checked.
+struct Check<'a> {
+    value: &'a [f32],
+    variance: &'a [f32],
     width: usize,
-    height: usize,
-) -> Result<f64, ProfileError> {
-    let pixels = width.saturating_mul(height);
-    let (values, variances) = (channel.value.len(), channel.variance.len());
-    if values != pixels || variances != pixels {
-        return Err(ProfileError::Size {
-            values,
-            variances,
-            pixels,
-        });
-    }
-    let measured = match pulp::Arch::new().dispatch(Check(channel)) {
-        Ok(measured) => measured,
-        Err(pixel) => {
-            return Err(ProfileError::Pixel {
-                x: pixel % width,
-                y: pixel / width,
-                value: channel.value[pixel],
-                variance: channel.variance[pixel],
-            });
-        }
-    };
-    if measured == 0 {
-        return Err(ProfileError::Empty(pixels));
-    }
-    Ok(measured as f64 / pixels as f64)
 }
 
-/// How many pixels were measured, or the first that cannot be.
-struct Check<'a>(&'a ChannelMap);
+/// What is found in them.
+struct Checked {
+    /// How many pixels were measured.
+    measured: u64,
+    /// The largest value of each chunk of each row.
+    largest: Vec<f32>,
+    /// The first pixel that cannot be.
+    bad: Option<usize>,
+}
 
-impl NullaryFnOnce for Check<'_> {
-    type Output = Result<u64, usize>;
+impl LaneLoop for Check<'_> {
+    type Output = Checked;
 
     #[inline(always)]
-    fn call(self) -> Result<u64, usize> {
-        let Self(channel) = self;
+    fn run<const FMA: bool>(self) -> Checked {
+        let Self {
+            value,
+            variance,
+            width,
+        } = self;
         // An unmeasured pixel has an infinite variance, and a photosite of another colour no value
         // either; everything else has to be a number.
         let is_bad = |value: f32, variance: f32| {
             let absent = value.is_nan() & (variance == f32::INFINITY);
             !((value.abs() < f32::INFINITY) | absent) | variance.is_nan() | (variance < 0.0)
         };
-        // Chunk by chunk: a search that may end at any pixel looks at one after the other.
-        let values = channel.value.chunks(CHUNK);
-        let chunks = values.zip(channel.variance.chunks(CHUNK));
-        let mut measured = 0;
-        for (number, (value, variance)) in chunks.enumerate() {
-            let (mut bad, mut finite) = (0_u32, 0_u32);
-            for (value, variance) in value.iter().zip(variance) {
-                bad |= u32::from(is_bad(*value, *variance));
-                finite += u32::from(*variance < f32::INFINITY);
-            }
-            measured += u64::from(finite);
-            if bad != 0 {
-                let mut pixels = number * CHUNK..number * CHUNK + value.len();
-                let first = pixels.find(|i| is_bad(channel.value[*i], channel.variance[*i]));
-                return Err(first.expect("one of the chunk is bad"));
+        let larger = |a: f32, b: f32| if b > a { b } else { a };
+        let (mut bad, mut finite) = ([0_u32; LANES], [0_u32; LANES]);
+        let mut largest = Vec::with_capacity(value.len().div_ceil(width) * width.div_ceil(CHUNK));
+        for (value, variance) in value.chunks(width).zip(variance.chunks(width)) {
+            // Chunk by chunk: a search that may end at any pixel looks at one after the other.
+            for (value, variance) in value.chunks(CHUNK).zip(variance.chunks(CHUNK)) {
+                let mut most = [f32::NEG_INFINITY; LANES];
+                let (values, rest) = value.as_chunks::<LANES>();
+                let (variances, rest_of_variances) = variance.as_chunks::<LANES>();
+                for (value, variance) in values.iter().zip(variances) {
+                    for i in 0..LANES {
+                        bad[i] |= u32::from(is_bad(value[i], variance[i]));
+                        finite[i] += u32::from(variance[i] < f32::INFINITY);
+                        most[i] = larger(most[i], value[i]);
+                    }
+                }
+                for (i, (value, variance)) in rest.iter().zip(rest_of_variances).enumerate() {
+                    bad[i] |= u32::from(is_bad(*value, *variance));
+                    finite[i] += u32::from(*variance < f32::INFINITY);
+                    most[i] = larger(most[i], *value);
+                }
+                // Halved and halved again: the compiler may not reorder maxima by itself.
+                let most: [f32; LANES / 2] = from_fn(|i| larger(most[i], most[i + LANES / 2]));
+                let most: [f32; LANES / 4] = from_fn(|i| larger(most[i], most[i + LANES / 4]));
+                largest.push(most.into_iter().fold(f32::NEG_INFINITY, larger));
             }
         }
-        Ok(measured)
+        let measured = finite.into_iter().map(u64::from).sum();
+        let bad = if bad.iter().any(|bad| *bad != 0) {
+            (0..value.len()).find(|i| is_bad(value[*i], variance[*i]))
+        } else {
+            None
+        };
+        Checked {
+            measured,
+            largest,
+            bad,
+        }
     }
-}
-
-/// Pixels of a row that are judged together before they are looked at one by one.
-const CHUNK: usize = 64;
-
-/// Share of the pixels that were measured. Of a colour of a mosaic it is a half or less.
-pub(crate) fn measured_share(channel: &ChannelMap) -> f64 {
-    let measured = channel.variance.iter().filter(|v| v.is_finite()).count();
-    measured as f64 / channel.variance.len().max(1) as f64
 }
 
 /// Share of measured pixels below which a picture is one of scattered photosites.
 pub(crate) const SPARSE: f64 = 0.6;
 
-/// A channel with its size.
+/// A channel with its size, checked.
 pub(crate) struct Picture<'a> {
     channel: &'a ChannelMap,
     width: usize,
     height: usize,
-    /// Share of the pixels that were measured.
-    share: f64,
+    /// Share of the pixels that were measured. Of a colour of a mosaic it is a half or less.
+    pub(crate) share: f64,
+    /// The largest value of each chunk of each row.
+    largest: Vec<f32>,
 }
 
 /// The brightest place.
@@ -182,23 +151,6 @@ pub(crate) struct Peak {
     pub(crate) value: f64,
     /// The standard uncertainty of that.
     pub(crate) u: f64,
-}
-
-/// The largest of `values`, in lanes, since the compiler may not reorder maxima by itself.
-fn largest(values: &[f32]) -> f32 {
-    let larger = |a: f32, b: f32| if b > a { b } else { a };
-    let mut lanes = [f32::NEG_INFINITY; 8];
-    let (blocks, rest) = values.as_chunks::<8>();
-    for block in blocks {
-        for (lane, value) in lanes.iter_mut().zip(block) {
-            *lane = larger(*lane, *value);
-        }
-    }
-    lanes
-        .iter()
-        .chain(rest)
-        .copied()
-        .fold(f32::NEG_INFINITY, larger)
 }
 
 /// Sums over a connected region, each weighted by the square of the height above the
@@ -217,12 +169,83 @@ impl Mask {
 }
 
 impl<'a> Picture<'a> {
-    pub(crate) fn new(channel: &'a ChannelMap, width: usize, height: usize) -> Self {
-        Self {
+    /// Whether the channel holds what the size says, and numbers alone, some of them measured.
+    pub(crate) fn checked(
+        channel: &'a ChannelMap,
+        width: usize,
+        height: usize,
+    ) -> Result<Self, ProfileError> {
+        let pixels = width.saturating_mul(height);
+        let (values, variances) = (channel.value.len(), channel.variance.len());
+        if values != pixels || variances != pixels {
+            return Err(ProfileError::Size {
+                values,
+                variances,
+                pixels,
+            });
+        }
+        if pixels == 0 {
+            return Err(ProfileError::Empty(pixels));
+        }
+        let block = CHECK_ROWS * width;
+        let values = channel.value.par_chunks(block);
+        let blocks: Vec<Checked> = values
+            .zip(channel.variance.par_chunks(block))
+            .map(|(value, variance)| {
+                SimdPath::best().run(Check {
+                    value,
+                    variance,
+                    width,
+                })
+            })
+            .collect();
+        let bad = |(number, rows): (usize, &Checked)| Some(number * block + rows.bad?);
+        if let Some(pixel) = blocks.iter().enumerate().find_map(bad) {
+            return Err(ProfileError::Pixel {
+                x: pixel % width,
+                y: pixel / width,
+                value: channel.value[pixel],
+                variance: channel.variance[pixel],
+            });
+        }
+        let measured: u64 = blocks.iter().map(|rows| rows.measured).sum();
+        if measured == 0 {
+            return Err(ProfileError::Empty(pixels));
+        }
+        Ok(Self {
             channel,
             width,
             height,
-            share: measured_share(channel),
+            share: measured as f64 / pixels as f64,
+            largest: blocks.into_iter().flat_map(|rows| rows.largest).collect(),
+        })
+    }
+
+    /// As [`find_center`] has it.
+    pub(crate) fn center(&self) -> Result<[f64; 2], ProfileError> {
+        let peak = self.peak()?;
+        let mut threshold = 0.5 * peak.value;
+        let mut above_half = None;
+        loop {
+            let mask = self.connected(peak.pixel, threshold);
+            if mask.touches_edge {
+                let [x, y] = mask.centroid();
+                return Err(ProfileError::SpotAtEdge {
+                    x,
+                    y,
+                    width: self.width,
+                    height: self.height,
+                    needed: NEEDED_PX,
+                });
+            }
+            let pixels = *above_half.get_or_insert(mask.pixels);
+            // Below a few standard deviations the mask would be made of noise.
+            if mask.pixels >= ENOUGH || 0.7 * threshold < 0.5 * VISIBLE * peak.u {
+                let center = mask.centroid();
+                let refined = (pixels >= WIDE).then(|| self.balanced(center, pixels));
+                return Ok(refined.flatten().unwrap_or(center));
+            }
+            threshold *= 0.7;
         }
     }
 
@@ -257,13 +280,7 @@ impl Picture<'_> {
     /// The mean of a block is no smaller than its smallest pixel and no larger than its largest.
     fn bright_pixels(&self) -> impl Iterator<Item = usize> + '_ {
         let (width, height, reach) = (self.width, self.height, self.reach());
-        let in_row = width.div_ceil(CHUNK);
-        let largest: Vec<f32> = self
-            .channel
-            .value
-            .chunks(width)
-            .flat_map(|row| row.chunks(CHUNK).map(largest))
-            .collect();
+        let (in_row, largest) = (width.div_ceil(CHUNK), &self.largest);
         let mut least = f32::NEG_INFINITY;
         for (number, chunk) in largest.iter().enumerate() {
             if *chunk <= least {
@@ -279,15 +296,17 @@ impl Picture<'_> {
                 least = least.max(smallest.fold(f32::INFINITY, f32::min));
             }
         }
-        let may_hold = move |row: usize, chunk: usize| {
-            let chunks = chunk.saturating_sub(1)..(chunk + 2).min(in_row);
-            (row.saturating_sub(reach)..(row + reach + 1).min(height)).any(|row| {
-                let beside = &largest[row * in_row..][chunks.clone()];
-                beside.iter().any(|value| *value >= least)
-            })
-        };
-        (0..height * in_row)
-            .filter(move |number| may_hold(number / in_row, number % in_row))
+        let mut may_hold = vec![false; largest.len()];
+        for number in (0..largest.len()).filter(|number| largest[*number] >= least) {
+            let (row, chunk) = (number / in_row, number % in_row);
+            for row in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+                let chunks = chunk.saturating_sub(1)..(chunk + 2).min(in_row);
+                may_hold[row * in_row..][chunks].fill(true);
+            }
+        }
+        let numbers = may_hold.into_iter().enumerate();
+        numbers
+            .filter_map(|(number, may)| may.then_some(number))
             .flat_map(move |number| {
                 let (row, first) = (number / in_row, number % in_row * CHUNK);
                 row * width + first..row * width + (first + CHUNK).min(width)
@@ -379,16 +398,25 @@ impl Picture<'_> {
             if x.min(y).min(right).min(below) < reach {
                 return None;
             }
+            // The Gaussian is one of the column times one of the row.
+            let along = |middle: f64| {
+                ((middle - reach).ceil() as usize..=(middle + reach) as usize).map(move |at| {
+                    let d = at as f64 - middle;
+                    (at, d, (-0.5 * d * d / (window * window)).exp())
+                })
+            };
+            let columns: Vec<(usize, f64, f64)> = along(x).collect();
             let (mut sum, mut moment) = (0.0, [0.0; 2]);
-            for v in (y - reach).ceil() as usize..=(y + reach) as usize {
-                for u in (x - reach).ceil() as usize..=(x + reach) as usize {
-                    let (dx, dy) = (u as f64 - x, v as f64 - y);
-                    let weight = (-0.5 * (dx * dx + dy * dy) / (window * window)).exp();
-                    let light = weight * self.value(v * self.width + u);
-                    sum += light;
-                    moment[0] += light * dx;
-                    moment[1] += light * dy;
+            for (v, dy, weight) in along(y) {
+                let (mut light, mut to_the_right) = (0.0, 0.0);
+                for (u, dx, across) in &columns {
+                    let seen = across * self.value(v * self.width + u);
+                    light += seen;
+                    to_the_right += seen * dx;
                 }
+                sum += weight * light;
+                moment[0] += weight * to_the_right;
+                moment[1] += weight * light * dy;
             }
             // By so much the window holds the centroid of a Gaussian back.
             let step = moment.map(|m| m / sum * (1.0 + 1.0 / (WINDOW * WINDOW)));
@@ -567,7 +595,8 @@ mod tests {
                 variance: vec![1e-9; width * height],
             };
             let spot = (seed * 4231) % (width * height);
-            for i in Picture::new(&map, width, height)
+            for i in Picture::checked(&map, width, height)
+                .unwrap()
                 .block(spot, 1)
                 .collect::<Vec<_>>()
             {
@@ -582,7 +611,7 @@ mod tests {
                     map.variance[i] = f32::INFINITY;
                 }
             }
-            let picture = Picture::new(&map, width, height);
+            let picture = Picture::checked(&map, width, height).unwrap();
             let mut best = (f64::MIN, 0);
             for pixel in 0..width * height {
                 let mut block: Vec<f64> = picture
@@ -599,6 +628,29 @@ mod tests {
             let peak = picture.peak().unwrap();
             assert_eq!(peak.pixel, best.1, "seed {seed}");
             assert!((peak.value - best.0).abs() < 1e-9);
+        }
+    }
+
+    /// Rows end in a part of a chunk, and that in a part of all lanes.
+    #[test]
+    fn the_peak_is_found_in_every_column() {
+        let (width, height) = (64 + 32 + 5, 19);
+        for x in 2..width - 2 {
+            let mut map = ChannelMap {
+                name: "Y".to_owned(),
+                value: vec![0.0; width * height],
+                variance: vec![1e-6; width * height],
+            };
+            let middle = 4 * width + x;
+            // A dimmer one says what is too dark.
+            for (at, light) in [(middle, 1.0), (14 * width + 17, 0.5)] {
+                for row in [at - width, at, at + width] {
+                    map.value[row - 1..=row + 1].fill(light);
+                }
+                map.value[at] *= 1.2;
+            }
+            let picture = Picture::checked(&map, width, height).unwrap();
+            assert_eq!(picture.peak().unwrap().pixel, middle);
         }
     }
 

@@ -1,6 +1,7 @@
 //! A smooth curve through ring means.
 
 use crate::rings::Rings;
+use std::array::from_fn;
 
 /// A smooth function of the distance from the spot: in each ring a cubic in the square of the
 /// distance, scaled to τ in [−1, 1].
@@ -29,39 +30,40 @@ impl Curve {
     /// Where the means are large beside `floor` the curve is smooth in their logarithm, and
     /// below linear, so that it passes through zero and through noise.
     pub(crate) fn through(rings: &Rings, means: &[f64], moments: &[Moments], floor: f64) -> Self {
+        let abscissa = |square: f64| (1.0 + square / CORE).ln();
+        let chebyshev = Chebyshev::new();
+        let squares = (0..rings.len()).map(|ring| rings.square(ring));
+        let middles = squares.clone().map(|(middle, _)| abscissa(middle));
+        let at_nodes = squares.map(|(middle, half)| {
+            (chebyshev.nodes).map(|tau| abscissa((middle + half * tau).max(0.0)))
+        });
+        let places = Places {
+            middles: middles.collect(),
+            at_nodes: at_nodes.collect(),
+            chebyshev,
+        };
         let mut nodes = means.to_vec();
-        let mut curve = Self::from_nodes(rings, &nodes, floor);
+        let mut curve = Self::from_nodes(&places, &nodes, floor);
         for _ in 0..ROUNDS {
             for (ring, node) in nodes.iter_mut().enumerate() {
                 *node += means[ring] - curve.mean(ring, &moments[ring]);
             }
-            curve = Self::from_nodes(rings, &nodes, floor);
+            curve = Self::from_nodes(&places, &nodes, floor);
         }
         curve
     }
 
-    fn from_nodes(rings: &Rings, nodes: &[f64], floor: f64) -> Self {
-        let abscissa = |square: f64| (1.0 + square / CORE).ln();
-        let x: Vec<f64> = (0..rings.len())
-            .map(|ring| abscissa(rings.square(ring).0))
-            .collect();
+    fn from_nodes(places: &Places, nodes: &[f64], floor: f64) -> Self {
         let y: Vec<f64> = nodes.iter().map(|v| (v / floor).asinh()).collect();
-        let spline = Spline::new(x, y);
-        let cubics = (0..rings.len())
-            .map(|ring| {
-                let (middle, half) = rings.square(ring);
-                cubic_through(|tau| {
-                    let square = (middle + half * tau).max(0.0);
-                    // The spline runs on past its last nodes; e^30 bounds it there.
-                    floor
-                        * spline
-                            .at(abscissa(square), ring)
-                            .clamp(-LARGEST, LARGEST)
-                            .sinh()
-                })
-            })
-            .collect();
-        Self { cubics }
+        let spline = Spline::new(&places.middles, y);
+        let cubic = |(ring, at_nodes): (usize, &[f64; 4])| {
+            // The spline runs on past its last nodes; e^30 bounds it there.
+            let value = |x: f64| floor * spline.at(x, ring).clamp(-LARGEST, LARGEST).sinh();
+            places.chebyshev.cubic_through(at_nodes.map(value))
+        };
+        Self {
+            cubics: places.at_nodes.iter().enumerate().map(cubic).collect(),
+        }
     }
 
     /// The value at `tau` of `ring`.
@@ -98,37 +100,64 @@ const CORE: f64 = 9.0;
 /// asinh of the largest value over the floor.
 const LARGEST: f64 = 60.0;
 
-/// Coefficients of the cubic that is `f` at the four Chebyshev nodes of [−1, 1].
-fn cubic_through(f: impl Fn(f64) -> f64) -> [f64; 4] {
-    let mut chebyshev = [0.0; 4];
-    for j in 0..4 {
-        let angle = std::f64::consts::PI * (f64::from(j) + 0.5) / 4.0;
-        let value = f(angle.cos());
-        for (order, sum) in chebyshev.iter_mut().enumerate() {
+/// Where the spline is looked at, whatever its values.
+struct Places {
+    /// In the middle of each ring.
+    middles: Vec<f64>,
+    /// At the nodes of its cubic.
+    at_nodes: Vec<[f64; 4]>,
+    chebyshev: Chebyshev,
+}
+
+/// The four Chebyshev nodes of [−1, 1], and the polynomials there.
+struct Chebyshev {
+    nodes: [f64; 4],
+    /// By node and order, with the weight that makes a coefficient of values.
+    weights: [[f64; 4]; 4],
+}
+
+impl Chebyshev {
+    fn new() -> Self {
+        let angle = |node: usize| std::f64::consts::PI * (node as f64 + 0.5) / 4.0;
+        let weight = |node: usize, order: usize| {
             let weight = if order == 0 { 0.25 } else { 0.5 };
-            *sum += weight * value * (order as f64 * angle).cos();
+            weight * (order as f64 * angle(node)).cos()
+        };
+        Self {
+            nodes: from_fn(|node| angle(node).cos()),
+            weights: from_fn(|node| from_fn(|order| weight(node, order))),
         }
     }
-    let [a, b, c, d] = chebyshev;
-    [a - c, b - 3.0 * d, 2.0 * c, 4.0 * d]
+
+    /// Coefficients of the cubic with these values at the nodes.
+    fn cubic_through(&self, values: [f64; 4]) -> [f64; 4] {
+        let mut chebyshev = [0.0; 4];
+        for (value, weights) in values.iter().zip(&self.weights) {
+            for (sum, weight) in chebyshev.iter_mut().zip(weights) {
+                *sum += weight * value;
+            }
+        }
+        let [a, b, c, d] = chebyshev;
+        [a - c, b - 3.0 * d, 2.0 * c, 4.0 * d]
+    }
 }
 
 /// A cubic spline with continuous curvature.
-struct Spline {
-    x: Vec<f64>,
+struct Spline<'a> {
+    x: &'a [f64],
     y: Vec<f64>,
     /// Slopes at the nodes.
     slope: Vec<f64>,
 }
 
-impl Spline {
+impl<'a> Spline<'a> {
     /// Through at least four nodes, `x` increasing. The slopes at the ends are those of the
     /// cubic through the four nodes next to them.
-    fn new(x: Vec<f64>, y: Vec<f64>) -> Self {
+    fn new(x: &'a [f64], y: Vec<f64>) -> Self {
         let n = x.len();
         let mut slope = vec![0.0; n];
         slope[0] = end_slope(&x[..4], &y[..4]);
-        let last: [Vec<f64>; 2] = [&x, &y].map(|v| v[n - 4..].iter().rev().copied().collect());
+        let last = [x, y.as_slice()].map(|v| [v[n - 1], v[n - 2], v[n - 3], v[n - 4]]);
         slope[n - 1] = end_slope(&last[0], &last[1]);
         // Continuous curvature ties each slope to its neighbours: a tridiagonal system.
         let mut upper = vec![0.0; n];
@@ -189,11 +218,12 @@ mod tests {
         let f = |x: f64| 1.0 - 2.0 * x + 0.5 * x * x - 0.1 * x * x * x;
         let x: Vec<f64> = [0.0, 0.4, 1.0, 1.3, 2.1, 3.0].to_vec();
         let y = x.iter().map(|x| f(*x)).collect();
-        let spline = Spline::new(x.clone(), y);
+        let spline = Spline::new(&x, y);
         for (node, at) in [(0, -0.1), (0, 0.2), (1, 0.39), (3, 1.5), (5, 2.9), (5, 3.2)] {
             assert!((spline.at(at, node) - f(at)).abs() < 1e-12, "{at}");
         }
-        let cubic = cubic_through(f);
+        let chebyshev = Chebyshev::new();
+        let cubic = chebyshev.cubic_through(chebyshev.nodes.map(f));
         for (got, expected) in cubic.iter().zip([1.0, -2.0, 0.5, -0.1]) {
             assert!((got - expected).abs() < 1e-14, "{cubic:?}");
         }

@@ -1,6 +1,6 @@
 //! Centre and width of a beam by the moments of its picture, after ISO 11146.
 
-use crate::center::{Peak, Picture, SPARSE, check_size, measured_share};
+use crate::center::{Peak, Picture, SPARSE};
 use crate::error::ProfileError;
 use physics::ChannelMap;
 
@@ -104,8 +104,7 @@ pub fn beam_moments(
     height: usize,
     background: Background,
 ) -> Result<BeamMoments, ProfileError> {
-    check_size(channel, width, height)?;
-    let picture = Picture::new(channel, width, height);
+    let picture = Picture::checked(channel, width, height)?;
     let peak = picture.peak()?;
     let mut values = picture.filled();
     let no_spot = || ProfileError::NoSpot {
@@ -148,7 +147,7 @@ pub fn beam_moments(
         return Err(no_spot());
     }
     let aperture = Aperture::new(&now, width, height);
-    let (u_center_px, u_d4sigma_px) = aperture.uncertainty(channel, &now, &plane);
+    let (u_center_px, u_d4sigma_px) = aperture.uncertainty(channel, picture.share, &now, &plane);
     Ok(BeamMoments {
         center_px: now.center,
         u_center_px,
@@ -448,11 +447,12 @@ impl Aperture {
         sums.finish(self.center)
     }
 
-    /// Standard uncertainties of centre and widths, px, from the variances of the pixels and of
-    /// the background.
+    /// Standard uncertainties of centre and widths, px, from the variances of the pixels, of which
+    /// `share` were measured, and of the background.
     fn uncertainty(
         &self,
         channel: &ChannelMap,
+        share: f64,
         moments: &Moments,
         background: &Plane,
     ) -> ([f64; 2], [f64; 2]) {
@@ -481,7 +481,6 @@ impl Aperture {
             }
         });
         // A photosite of a mosaic stands for the pixels between it and the next as well.
-        let share = measured_share(channel);
         if share < SPARSE {
             noise = noise.map(|n| n / (share * share));
         }

@@ -1,17 +1,14 @@
 //! One pass after another over a picture's pixels, until its rings are known.
 
-use crate::center::{NEEDED_PX, SPARSE, check_size, find_checked};
+use crate::center::{self, NEEDED_PX, SPARSE};
 use crate::curve::{AREA, Curve, Moments};
 use crate::error::ProfileError;
 use crate::radial::{Measured, ProfileOptions, check_options};
 use crate::rings::{Rings, Run};
-use crate::sweep::Sweep;
+use crate::sweep::{GROUPS, Sweep};
 use crate::view::{Places, View};
 use physics::profile::mean_radius;
 use physics::{ChannelMap, ProfilePoint, RadialProfile, TotalReflectance};
-
-/// Parts into which the pixels of a ring are sorted for a first mean that outliers cannot move.
-const GROUPS: usize = crate::sweep::LANES;
 
 /// Residuals beyond this many standard uncertainties count as so many in the ring's scatter.
 const FAR: f64 = 20.0;
@@ -120,10 +117,10 @@ impl Survey {
         options: &ProfileOptions,
     ) -> Result<Self, ProfileError> {
         check_options(options)?;
-        let share = check_size(channel, width, height)?;
+        let checked = center::Picture::checked(channel, width, height)?;
         let center = match options.center_px {
             Some(center) => center,
-            None => find_checked(channel, width, height, share)?,
+            None => checked.center()?,
         };
         let [x, y] = center;
         let unit_mm = options.view.mm_per_pixel(center);
@@ -148,8 +145,8 @@ impl Survey {
             });
         }
         // Scattered photosites want wider rings, so that every ring has as many of them.
-        let spacing = if share < SPARSE {
-            share.sqrt().recip()
+        let spacing = if checked.share < SPARSE {
+            checked.share.sqrt().recip()
         } else {
             1.0
         };
@@ -513,7 +510,7 @@ impl Picture<'_> {
         pass
     }
 
-    /// The same for equal squares, eight at a time.
+    /// The same for equal squares, many at a time.
     fn pass_in_lanes(&self, curve: Option<&Curve>, bounds: Bounds<'_>, thinned: bool) -> Pass {
         let wide: Vec<Limit>;
         let (limits, far) = match bounds {

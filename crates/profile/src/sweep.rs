@@ -1,20 +1,27 @@
-//! One pass over a picture of equal squares, eight pixels at a time: the fast form of what
+//! One pass over a picture of equal squares, sixteen pixels at a time: the fast form of what
 //! [`crate::survey`] does pixel by pixel where they are not.
 
 use crate::curve::Curve;
 use crate::rings::{Rings, Run};
 use crate::survey::Limit;
 use physics::ChannelMap;
-use pulp::NullaryFnOnce;
+use physics::simd::{LaneLoop, SimdPath};
 use rayon::prelude::*;
+use std::array::from_fn;
 use std::ops::Range;
 
-/// Pixels that are handled at once, and groups into which the pixels of a ring fall.
-pub(crate) const LANES: usize = 8;
+/// Pixels that are handled at once: as many as the widest registers hold. Of fewer, the compiler
+/// packs two different blocks into one register, and takes them apart again at every step.
+const LANES: usize = 16;
+
+/// Groups into which the pixels of a ring fall, by their columns.
+pub(crate) const GROUPS: usize = 8;
+
+type Lanes = [f32; LANES];
 
 /// Rows that one thread takes at once. Within them sums are kept in single precision: a lane adds
 /// up at most a few thousand pixels of a ring there.
-const BLOCK_ROWS: usize = 64;
+const BLOCK_ROWS: usize = 128;
 
 /// Pixels of a ring that are enough for a first mean or for its scatter.
 const ENOUGH: f64 = 10_000.0;
@@ -45,12 +52,13 @@ pub(crate) struct Tally(Sums<f64>);
 
 /// What is summed in each lane.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))]
 struct Sums<T> {
     /// Pixels that a measured picture would have; a value that is no number is none.
     inside: [T; LANES],
-    /// Those of them that were not measured, and those that were and were not let through.
-    unmeasured: [T; LANES],
-    rejected: [T; LANES],
+    /// Those of them that were measured, and those of these that were let through.
+    measured: [T; LANES],
+    count: [T; LANES],
     /// What follows is of the pixels that were let through, but for the scatter.
     residual: [T; LANES],
     variance: [T; LANES],
@@ -65,11 +73,11 @@ impl Tally {
     }
 
     pub(crate) fn measured(&self) -> f64 {
-        self.inside() - self.0.unmeasured.iter().sum::<f64>()
+        self.0.measured.iter().sum()
     }
 
     pub(crate) fn count(&self) -> f64 {
-        self.measured() - self.0.rejected.iter().sum::<f64>()
+        self.0.count.iter().sum()
     }
 
     /// Sum of what remains of the values without the curve.
@@ -92,17 +100,13 @@ impl Tally {
     }
 
     /// Count and sum of each group of pixels.
-    pub(crate) fn groups(&self) -> [(f64, f64); LANES] {
+    pub(crate) fn groups(&self) -> [(f64, f64); GROUPS] {
         let Sums {
-            inside,
-            unmeasured,
-            rejected,
-            residual,
-            ..
+            count, residual, ..
         } = &self.0;
-        std::array::from_fn(|lane| {
-            let count = inside[lane] - unmeasured[lane] - rejected[lane];
-            (count, residual[lane])
+        from_fn(|group| {
+            let sum = |lanes: &[f64; LANES]| lanes.iter().skip(group).step_by(GROUPS).sum();
+            (sum(count), sum(residual))
         })
     }
 
@@ -114,8 +118,8 @@ impl Tally {
         };
         let to = &mut self.0;
         add(&mut to.inside, &from.inside);
-        add(&mut to.unmeasured, &from.unmeasured);
-        add(&mut to.rejected, &from.rejected);
+        add(&mut to.measured, &from.measured);
+        add(&mut to.count, &from.count);
         add(&mut to.residual, &from.residual);
         add(&mut to.variance, &from.variance);
         add(&mut to.scatter, &from.scatter);
@@ -154,13 +158,13 @@ impl Sweep<'_> {
             });
             beyond.filter(|_| self.thinned).unwrap_or(self.rings.len())
         };
-        let reach: [usize; MOST_STEP] = std::array::from_fn(reach);
+        let reach: [usize; MOST_STEP] = from_fn(reach);
         let (_, height) = self.size;
         let blocks: Vec<Vec<Sums<f32>>> = (0..height.div_ceil(BLOCK_ROWS))
             .into_par_iter()
             .map(|block| {
                 let first = block * BLOCK_ROWS;
-                pulp::Arch::new().dispatch(Block {
+                SimdPath::best().run(Block {
                     sweep: self,
                     of_rings: &of_rings,
                     rows: first..(first + BLOCK_ROWS).min(height),
@@ -203,11 +207,11 @@ struct Block<'s, 'a> {
     reach: &'s [usize; MOST_STEP],
 }
 
-impl NullaryFnOnce for Block<'_, '_> {
+impl LaneLoop for Block<'_, '_> {
     type Output = Vec<Sums<f32>>;
 
     #[inline(always)]
-    fn call(self) -> Vec<Sums<f32>> {
+    fn run<const FMA: bool>(self) -> Vec<Sums<f32>> {
         let Self {
             sweep,
             of_rings,
@@ -254,54 +258,35 @@ impl Sweep<'_> {
             length: run.pixels.len() as f32,
         };
         // Lanes keep to columns of the picture, so that a run's ends are cut off by number.
-        let begin = run.pixels.start / LANES * LANES;
-        let number = |at: usize| (at as i64 - run.pixels.start as i64) as f32;
-        // Most runs have nothing to leave out.
-        let mut whole = Sums::default();
-        let mut lost = [0_u32; LANES];
-        for at in (begin..run.pixels.end).step_by(LANES) {
-            let pixels = self.pixels(at);
-            ring.add_whole::<SCATTER>(path, number(at), &pixels, far, &mut whole, &mut lost);
-        }
-        if lost.iter().fold(0, |any, lost| any | lost) == 0 {
-            tally.add_whole::<SCATTER>(&whole);
-            return;
-        }
-        for at in (begin..run.pixels.end).step_by(LANES) {
-            let pixels = self.pixels(at);
-            ring.add::<SCATTER>(path, number(at), &pixels, far, tally);
-        }
-    }
-
-    /// Value and variance of eight pixels from number `at` on.
-    #[inline(always)]
-    fn pixels(&self, at: usize) -> [[f32; LANES]; 2] {
-        let (values, variances) = (&self.channel.value[at..], &self.channel.variance[at..]);
-        match (
-            values.first_chunk::<LANES>(),
-            variances.first_chunk::<LANES>(),
-        ) {
-            (Some(value), Some(variance)) => [*value, *variance],
-            _ => {
-                let mut padded = [[0.0; LANES], [f32::INFINITY; LANES]];
-                padded[0][..values.len()].copy_from_slice(values);
-                padded[1][..values.len()].copy_from_slice(variances);
-                padded
+        let before = run.pixels.start % LANES;
+        let pixels = run.pixels.start - before..run.pixels.end.next_multiple_of(LANES);
+        let [value, variance] = [&self.channel.value, &self.channel.variance];
+        let sums = match (value.get(pixels.clone()), variance.get(pixels.clone())) {
+            (Some(value), Some(variance)) => {
+                let [value, variance] = [value, variance].map(|x| x.as_chunks().0);
+                ring.sums::<SCATTER>(path, before, value, variance, far)
             }
-        }
+            // The last pixels of the picture may be fewer.
+            _ => {
+                let [value, variance] =
+                    [(value, 0.0), (variance, f32::INFINITY)].map(|(plane, none)| -> Vec<Lanes> {
+                        let block = |at| from_fn(|i| plane.get(at + i).copied().unwrap_or(none));
+                        pixels.clone().step_by(LANES).map(block).collect()
+                    });
+                ring.sums::<SCATTER>(path, before, &value, &variance, far)
+            }
+        };
+        tally.add::<SCATTER>(&sums);
     }
 }
 
 impl Sums<f32> {
-    /// Adds those of a run that lost nothing.
+    /// Adds those of a run.
     #[inline(always)]
-    fn add_whole<const SCATTER: bool>(&mut self, run: &Self) {
-        let add = |to: &mut [f32; LANES], from: &[f32; LANES]| {
-            for (to, from) in to.iter_mut().zip(from) {
-                *to += from;
-            }
-        };
+    fn add<const SCATTER: bool>(&mut self, run: &Self) {
         add(&mut self.inside, &run.inside);
+        add(&mut self.measured, &run.measured);
+        add(&mut self.count, &run.count);
         add(&mut self.residual, &run.residual);
         add(&mut self.variance, &run.variance);
         for (to, from) in self.tau.iter_mut().zip(&run.tau) {
@@ -320,95 +305,90 @@ struct Path {
     length: f32,
 }
 
-/// What is known of a pixel.
-struct Judged {
-    tau: f32,
-    residual: f32,
-    in_run: bool,
-    measured: bool,
-    near: bool,
-}
-
 impl OfRing {
-    /// The pixel that is number `number` of its run.
+    /// Sums over a run, which begins `before` lanes into its first block.
     #[inline(always)]
-    fn judge(&self, path: Path, number: f32, value: f32, variance: f32) -> Judged {
-        let [start, linear, quadratic] = path.coefficients;
-        let [c0, c1, c2, c3] = self.cubic;
-        let tau = start + number * (linear + quadratic * number);
-        let residual = value - (c0 + tau * (c1 + tau * (c2 + tau * c3)));
-        // Compared as squares: a root costs more than all the rest. No number is near to nothing.
-        let beyond = residual.abs() - self.slack;
-        Judged {
-            tau,
-            residual,
-            in_run: (number >= 0.0) & (number < path.length),
-            measured: variance < f32::INFINITY,
-            near: (beyond <= 0.0) | (beyond * beyond <= self.relative_square * variance),
-        }
-    }
-
-    /// Adds eight pixels, the first of which is number `first` of its run, as if none had to be left
-    /// out; where one has, its lane of `lost` is not 0 any more.
-    #[inline(always)]
-    fn add_whole<const SCATTER: bool>(
+    fn sums<const SCATTER: bool>(
         &self,
         path: Path,
-        first: f32,
-        [value, variance]: &[[f32; LANES]; 2],
+        before: usize,
+        value: &[Lanes],
+        variance: &[Lanes],
         far: f32,
-        sums: &mut Sums<f32>,
-        lost: &mut [u32; LANES],
-    ) {
-        for lane in 0..LANES {
-            let pixel = self.judge(path, first + lane as f32, value[lane], variance[lane]);
-            let Judged { tau, residual, .. } = pixel;
-            let in_run = pixel.in_run;
-            lost[lane] |= u32::from(in_run & !(pixel.measured & pixel.near));
-            sums.inside[lane] += if in_run { 1.0 } else { 0.0 };
-            sums.residual[lane] += if in_run { residual } else { 0.0 };
-            sums.variance[lane] += if in_run { variance[lane] } else { 0.0 };
-            let tau = if in_run { tau } else { 0.0 };
-            sums.tau[0][lane] += tau;
-            sums.tau[1][lane] += tau * tau;
-            sums.tau[2][lane] += tau * tau * tau;
-            if SCATTER {
-                let z = score(residual, variance[lane], far);
-                sums.scatter[lane] += if in_run { z } else { 0.0 };
-            }
+    ) -> Sums<f32> {
+        let mut number: Lanes = from_fn(|i| i as f32 - before as f32);
+        let mut sums = Sums::default();
+        for (value, variance) in value.iter().zip(variance) {
+            self.add::<SCATTER>(path, &number, value, variance, far, &mut sums);
+            number = number.map(|number| number + LANES as f32);
         }
+        sums
     }
 
-    /// Adds eight pixels, the first of which is number `first` of its run.
+    /// Adds the pixels of all lanes, each with its number in the run.
+    ///
+    /// One whole block after the other, which the compiler makes one instruction each.
     #[inline(always)]
     fn add<const SCATTER: bool>(
         &self,
         path: Path,
-        first: f32,
-        [value, variance]: &[[f32; LANES]; 2],
+        number: &Lanes,
+        value: &Lanes,
+        variance: &Lanes,
         far: f32,
         sums: &mut Sums<f32>,
     ) {
-        for lane in 0..LANES {
-            let pixel = self.judge(path, first + lane as f32, value[lane], variance[lane]);
-            let Judged { tau, residual, .. } = pixel;
-            let inside = pixel.in_run & !value[lane].is_nan();
-            let measured = inside & pixel.measured;
-            let good = measured & pixel.near;
-            sums.inside[lane] += if inside { 1.0 } else { 0.0 };
-            sums.unmeasured[lane] += if inside & !measured { 1.0 } else { 0.0 };
-            sums.rejected[lane] += if measured & !good { 1.0 } else { 0.0 };
-            sums.residual[lane] += if good { residual } else { 0.0 };
-            sums.variance[lane] += if good { variance[lane] } else { 0.0 };
-            let tau = if good { tau } else { 0.0 };
-            sums.tau[0][lane] += tau;
-            sums.tau[1][lane] += tau * tau;
-            sums.tau[2][lane] += tau * tau * tau;
-            if SCATTER {
-                let z = score(residual, variance[lane], far);
-                sums.scatter[lane] += if measured { z } else { 0.0 };
-            }
+        let [start, linear, quadratic] = path.coefficients;
+        let [c0, c1, c2, c3] = self.cubic;
+        let tau: Lanes = from_fn(|i| start + number[i] * (linear + quadratic * number[i]));
+        let curve: Lanes = from_fn(|i| c0 + tau[i] * (c1 + tau[i] * (c2 + tau[i] * c3)));
+        let residual: Lanes = from_fn(|i| value[i] - curve[i]);
+        // Compared as squares: a root costs more than all the rest. No number is near to nothing.
+        let beyond: Lanes = from_fn(|i| residual[i].abs() - self.slack);
+        let within: Lanes = from_fn(|i| self.relative_square * variance[i]);
+        let inside: Mask = from_fn(|i| {
+            mask(number[i] >= 0.0) & mask(number[i] < path.length) & mask(!value[i].is_nan())
+        });
+        let measured: Mask = from_fn(|i| inside[i] & mask(variance[i] < f32::INFINITY));
+        let good: Mask = from_fn(|i| {
+            measured[i] & (mask(beyond[i] <= 0.0) | mask(beyond[i] * beyond[i] <= within[i]))
+        });
+        let tau = masked(&good, &tau);
+        let square: Lanes = from_fn(|i| tau[i] * tau[i]);
+        let cube: Lanes = from_fn(|i| square[i] * tau[i]);
+        add(&mut sums.inside, &masked(&inside, &[1.0; LANES]));
+        add(&mut sums.measured, &masked(&measured, &[1.0; LANES]));
+        add(&mut sums.count, &masked(&good, &[1.0; LANES]));
+        add(&mut sums.residual, &masked(&good, &residual));
+        add(&mut sums.variance, &masked(&good, variance));
+        for (sum, power) in sums.tau.iter_mut().zip([&tau, &square, &cube]) {
+            add(sum, power);
         }
+        if SCATTER {
+            let z: Lanes = from_fn(|i| score(residual[i], variance[i], far));
+            add(&mut sums.scatter, &masked(&measured, &z));
+        }
+    }
+}
+
+/// All ones where a lane counts, or 0.
+type Mask = [u32; LANES];
+
+#[inline(always)]
+fn mask(is: bool) -> u32 {
+    u32::from(is).wrapping_neg()
+}
+
+/// `terms`, or 0 where the mask says so.
+#[inline(always)]
+fn masked(mask: &Mask, terms: &Lanes) -> Lanes {
+    from_fn(|i| f32::from_bits(terms[i].to_bits() & mask[i]))
+}
+
+#[inline(always)]
+fn add(to: &mut Lanes, terms: &Lanes) {
+    for (to, term) in to.iter_mut().zip(terms) {
+        *to += term;
     }
 }
 

@@ -97,9 +97,15 @@ fn lanes_add_up_what_the_definition_does() {
 
 #[test]
 fn lanes_add_up_what_a_plain_double_loop_does() {
-    // Odd sizes, rings of one pixel, centres on a pixel, on a corner and beside both; runs with and
-    // without something to leave out.
-    let centers = [[15.0, 14.0], [15.5, 14.5], [14.21, 15.87], [16.99, 13.03]];
+    // Odd sizes, rings of one pixel, centres on a pixel, on a corner, beside both, and so near to the
+    // edge that the last pixels are inside; runs with and without something to leave out.
+    let centers = [
+        [15.0, 14.0],
+        [15.5, 14.5],
+        [14.21, 15.87],
+        [16.99, 13.03],
+        [25.2, 17.1],
+    ];
     for (size, damaged) in [((31, 29), false), ((31, 29), true), ((37, 33), true)] {
         let (width, height) = size;
         let mut value: Vec<f32> = (0..width * height)
