@@ -18,8 +18,8 @@ const ENOUGH: usize = 1 << 16;
 /// The dark of the ordinary samples of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Level {
-    /// DN.
-    pub(crate) median: f32,
+    /// The middle of the samples, DN: their median, or their mean where counts are coarse.
+    pub(crate) middle: f32,
     /// Mean of the ordinary samples, DN: of whole counts it says more than the median does.
     pub(crate) mean: f64,
     /// Standard deviation, DN.
@@ -27,16 +27,21 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    /// The level at `deviations` above the median, DN.
+    /// The level at `deviations` above the middle, DN.
     pub(crate) fn beyond(&self, deviations: f32) -> f32 {
-        self.median + deviations * self.spread
+        self.middle + deviations * self.spread
     }
 }
 
 /// The level of each channel, by the median and the median absolute deviation; `noise` is what
 /// the sensor's own noise makes of a sample at the median, DN, and is what a quantised dark
-/// without any spread falls back on.
-pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f32) -> Vec<Level> {
+/// without any spread falls back on. Counts are multiples of `step_dn` (0 for others).
+pub(crate) fn levels(
+    dark: &DarkFrame,
+    channels: usize,
+    step_dn: u16,
+    noise: impl Fn(f32) -> f32,
+) -> Vec<Level> {
     let pixels = dark.len() / channels;
     // An odd step, so that it does not keep to the columns of an even width.
     let step = (pixels / ENOUGH) | 1;
@@ -56,15 +61,18 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
             sum += f64::from(*value);
             count += 1.0;
         }
+        let mean = sum / count.max(1.0);
+        // The median of 12-bit counts in the high bits of 16 is one of them, up to 8 DN off.
+        let middle = if step_dn > 1 { mean as f32 } else { median };
         for value in &mut values {
-            *value = (*value - median).abs();
+            *value = (*value - middle).abs();
         }
         // 1.4826 median absolute deviations are one standard deviation of a Gaussian.
         let spread = 1.4826 * self::median(&mut values, f32::total_cmp);
         Level {
-            median,
-            mean: sum / count.max(1.0),
-            spread: spread.max(noise(median)),
+            middle,
+            mean,
+            spread: spread.max(noise(middle)),
         }
     };
     (0..channels).map(of_channel).collect()
@@ -74,6 +82,9 @@ pub(crate) fn levels(dark: &DarkFrame, channels: usize, noise: impl Fn(f32) -> f
 mod tests {
     use super::*;
     use physics::Frame;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64Mcg;
 
     #[test]
     fn an_outlier_stands_out_of_its_own_channel() {
@@ -89,11 +100,11 @@ mod tests {
             samples: samples.clone().into(),
         };
         let dark = DarkFrame::new(&frame, 1.0).unwrap();
-        let levels = levels(&dark, 2, |_| 1.0);
+        let levels = levels(&dark, 2, 1, |_| 1.0);
         assert_eq!(
             levels[1],
             Level {
-                median: 500.0,
+                middle: 500.0,
                 // Without the one that is ten deviations off.
                 mean: 500.0 + 3.0 / 39.0,
                 spread: 1.0
@@ -103,5 +114,30 @@ mod tests {
             .filter(|i| f32::from(samples[*i]) > levels[i % 2].beyond(HOT))
             .collect();
         assert_eq!(found, [20, 33]);
+    }
+
+    #[test]
+    fn the_level_of_coarse_counts_lies_between_them() {
+        // 12-bit counts in the high bits of 16, and a few hot pixels.
+        let rng = &mut Pcg64Mcg::seed_from_u64(21);
+        for level in [1001.0, 1004.0, 1007.0] {
+            let samples: Vec<u16> = (0..40_000)
+                .map(|i| {
+                    let hot = if i % 1000 == 0 { 900.0 } else { 0.0 };
+                    let seen = level + hot + 8.0 * rng.sample::<f64, _>(StandardNormal);
+                    (seen / 16.0).round() as u16 * 16
+                })
+                .collect();
+            let frame = Frame {
+                width: 200,
+                height: 200,
+                channels: 1,
+                samples: samples.into(),
+            };
+            let dark = DarkFrame::new(&frame, 1.0).unwrap();
+            let found = levels(&dark, 1, 16, |_| 9.0)[0].middle;
+            // Four standard errors, and the few hundredths that rounding to steps of 2σ may be off.
+            assert!((f64::from(found) - level).abs() < 0.25, "{level}: {found}");
+        }
     }
 }

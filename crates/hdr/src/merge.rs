@@ -257,7 +257,7 @@ impl Merge {
 
         let sensor = &self.sensor;
         let darks = f64::from(dark.count());
-        let levels = levels(dark, channels, |level| {
+        let levels = levels(dark, channels, rounding.step_dn, |level| {
             let level = f64::from(level);
             let read = read_variance(sensor, rounding, level);
             let charge = (level - sensor.black_level_dn).max(0.0);
@@ -270,7 +270,7 @@ impl Merge {
                 rounding,
                 measured_s,
                 darks,
-                dark_dn: levels.iter().map(|level| level.median.into()).collect(),
+                dark_dn: levels.iter().map(|level| level.middle.into()).collect(),
             });
             (Rounding::default(), vec![number])
         } else {
@@ -479,7 +479,7 @@ impl Merge {
                     value[at] = 0.0;
                     variance[at] = f32::INFINITY;
                 } else {
-                    let excess = f64::from(level - dark.levels[channel].median);
+                    let excess = f64::from(level - dark.levels[channel].middle);
                     variance[at] += noise.of_charge(excess, of_set) as f32;
                 }
             }
@@ -628,7 +628,7 @@ impl Noise {
             read: read_variance(&merge.sensor, merge.rounding, black),
             current: levels
                 .iter()
-                .map(|level| (f64::from(level.median) - black).max(0.0) / exposure_s)
+                .map(|level| (f64::from(level.middle) - black).max(0.0) / exposure_s)
                 .collect(),
             dark_exposure_s: *exposure_s,
         }
