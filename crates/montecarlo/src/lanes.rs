@@ -8,11 +8,12 @@
 use crate::beam::launch;
 use crate::boundary::{Meeting, meet};
 use crate::cells::{BlockCells, Exit, PHOTONS_PER_BLOCK};
-use crate::kernel::{Chunk, Flight, Limits, Scattering, WIDTH};
+use crate::kernel::{Chunk, Flight, Limits, Scattering};
 use crate::path::Stepper;
 use crate::problem::{Flown, Problem, ROULETTE_DEPTH, Trail, roulette};
-use crate::random::{Stream32, Uniform};
+use crate::random::{self, Uniform};
 use physics::Phase;
+use physics::lanes::{Stream32, WIDTH};
 use physics::simd::SimdPath;
 use std::ops::Range;
 
@@ -149,7 +150,7 @@ impl Pool<'_, '_> {
     fn refill(&mut self, lane: usize) -> bool {
         let (c, i) = (lane / WIDTH, lane % WIDTH);
         for photon in self.waiting.by_ref() {
-            let mut random = Stream32::new(self.problem.seed, photon);
+            let mut random = random::lane(self.problem.seed, photon);
             let start = launch(&self.problem.incidence, &self.problem.medium, &mut random);
             self.cells.arrive(start.specular);
             if start.specular >= 1.0 {

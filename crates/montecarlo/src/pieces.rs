@@ -1,6 +1,6 @@
 //! The pieces of a scattering one by one, so that a bench can say where the time goes.
 
-use crate::kernel::{Floats, WIDTH, minus_ln, random_direction, uniform};
+use physics::lanes::{Floats, WIDTH, minus_ln, random_direction, uniform};
 use physics::simd::{LaneLoop, SimdPath};
 
 const CHUNKS: usize = 8;

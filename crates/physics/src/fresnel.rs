@@ -38,8 +38,15 @@ pub fn reflectance(eta_ti: f64, cos_incidence: f64) -> f64 {
         // Grazing light is reflected whole; matched indices have no boundary at all.
         return if eta_ti == 1.0 { 0.0 } else { 1.0 };
     }
-    let s = (cos_incidence - eta_ti * cos_t) / (cos_incidence + eta_ti * cos_t);
-    let p = (eta_ti * cos_incidence - cos_t) / (eta_ti * cos_incidence + cos_t);
+    reflectance_between(eta_ti, cos_incidence, cos_t)
+}
+
+/// Fresnel reflectance of unpolarised light whose cosines on both sides are known, the near one
+/// not 0. Without a branch.
+#[inline(always)]
+pub fn reflectance_between(eta_ti: f64, cos_incidence: f64, cos_refracted: f64) -> f64 {
+    let s = (cos_incidence - eta_ti * cos_refracted) / (cos_incidence + eta_ti * cos_refracted);
+    let p = (eta_ti * cos_incidence - cos_refracted) / (eta_ti * cos_incidence + cos_refracted);
     0.5 * (s * s + p * p)
 }
 

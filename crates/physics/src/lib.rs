@@ -29,6 +29,7 @@
 //! | [`profile`] | [`RadialProfile`] and [`TotalReflectance`] |
 //! | [`material`] | [`Material`]: one row of a table |
 //! | [`random`] | random streams named by what they are used for |
+//! | [`lanes`] | a random walk in lanes of single precision |
 //! | [`simd`] | loops over lanes on the instructions of the processor at hand |
 
 pub mod bessel;
@@ -43,6 +44,7 @@ pub mod frame;
 pub mod fresnel;
 mod image_sources;
 pub mod kienle_patterson;
+pub mod lanes;
 pub mod layered;
 pub mod material;
 pub mod medium;

@@ -22,6 +22,7 @@ pub struct HenyeyGreenstein {
 }
 
 impl PhaseFunction for HenyeyGreenstein {
+    #[inline(always)]
     fn density(&self, cos_theta: f64) -> f64 {
         let g = self.g;
         // |1 − g e^{iθ}|², written so that it cannot turn negative by rounding.

@@ -1,8 +1,9 @@
 //! Random streams: one for each purpose, named by a seed and by what it is used for.
 //!
 //! No stream belongs to a thread, so what is drawn depends on nothing that a machine may choose.
-//! (`montecarlo` has its own, which fit the lanes of its walk.)
+//! (Photons of `montecarlo` name theirs by their number.)
 
+use crate::lanes::Stream32;
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
 
@@ -16,15 +17,25 @@ fn mix(word: u64) -> u64 {
     word ^ (word >> 31)
 }
 
-/// The stream that belongs to `seed` and to the `identity` of what it is used for.
-pub fn stream(seed: u64, identity: &[u64]) -> Stream {
+/// Two words that `seed` and an `identity` name.
+fn words(seed: u64, identity: &[u64]) -> [u64; 2] {
     let golden = 0x9e37_79b9_7f4a_7c15;
-    let fold = |start: u64| {
+    [0, golden].map(|start| {
         identity.iter().fold(mix(seed ^ start), |state, word| {
             mix(state.wrapping_add(golden) ^ mix(word.wrapping_add(golden)))
         })
-    };
-    Pcg64Mcg::new(u128::from(fold(0)) << 64 | u128::from(fold(golden)))
+    })
+}
+
+/// The stream that belongs to `seed` and to the `identity` of what it is used for.
+pub fn stream(seed: u64, identity: &[u64]) -> Stream {
+    let [high, low] = words(seed, identity);
+    Pcg64Mcg::new(u128::from(high) << 64 | u128::from(low))
+}
+
+/// The stream for a lane, by the same names.
+pub fn lane(seed: u64, identity: &[u64]) -> Stream32 {
+    Stream32::new(words(seed, identity))
 }
 
 /// A draw from the even distribution over [0, 1).
