@@ -468,7 +468,7 @@ pub(crate) struct EffortArgs {
     rounds: u64,
     /// Effort of a round where light is followed from its lamp: so many photons of every light and
     /// channel. Those of a beam are fewer, and split on their way.
-    #[arg(long, default_value = "1e4", value_name = "N", value_parser = photons)]
+    #[arg(long, default_value = "4e4", value_name = "N", value_parser = photons)]
     photons: u64,
     /// Stop earlier, once the rms of the pixels' standard errors is this share of the mean pixel.
     #[arg(long, value_name = "SHARE")]

@@ -141,27 +141,42 @@ impl Camera {
         matches!(self.lens, Lens::Orthographic { .. }).then_some(-self.ahead)
     }
 
-    /// The pixel that sees a point, and the cosine to the line of sight.
-    fn pixel_of(&self, point: Vec3) -> Option<(usize, f64)> {
+    /// Where in the picture of parallel rays a point is, in pixels from its upper left.
+    #[inline(always)]
+    fn place_along_rays(&self, point: Vec3) -> [f64; 2] {
+        let offset = point - self.view.from;
+        self.shown(offset, 1.0 / self.pixel, offset.dot(self.ahead))
+    }
+
+    /// The same in that of a pinhole, and the cosine to the line of sight.
+    #[inline(always)]
+    fn place_through_pinhole(&self, point: Vec3) -> ([f64; 2], f64) {
         let offset = point - self.view.from;
         let depth = offset.dot(self.ahead);
-        if depth <= 0.0 {
-            return None;
-        }
-        let (scale, cos) = match self.lens {
-            Lens::Pinhole { .. } => (1.0 / (self.pixel * depth), depth / offset.length()),
-            Lens::Orthographic { .. } => (1.0 / self.pixel, 1.0),
-        };
+        let place = self.shown(offset, 1.0 / (self.pixel * depth), depth);
+        (place, depth / offset.length())
+    }
+
+    /// No numbers for what is behind the camera.
+    #[inline(always)]
+    fn shown(&self, offset: Vec3, scale: f64, depth: f64) -> [f64; 2] {
+        let scale = if depth > 0.0 { scale } else { f64::NAN };
         let x = offset.dot(self.right) * scale + 0.5 * self.view.width as f64;
         let y = offset.dot(self.down) * scale + 0.5 * self.view.height as f64;
+        [x, y]
+    }
+
+    /// The pixel at a place of the picture.
+    #[inline]
+    pub(crate) fn pixel_at(&self, [x, y]: [f64; 2]) -> Option<usize> {
         let inside =
             x >= 0.0 && y >= 0.0 && x < self.view.width as f64 && y < self.view.height as f64;
-        inside.then(|| (y as usize * self.view.width + x as usize, cos))
+        inside.then(|| y as usize * self.view.width + x as usize)
     }
 
     /// What a face looks like to the camera from inside a medium of relative index `eta`; `None`
     /// if it turns its back on the camera.
-    pub(crate) fn window(&self, face: Face, eta: f64) -> Option<Window<'_>> {
+    pub(crate) fn window(&self, face: Face, eta: f64) -> Option<Window> {
         let parallel = match self.toward() {
             Some(outer) => {
                 let cos_out = outer.dot(face.normal);
@@ -189,7 +204,7 @@ impl Camera {
             }
         };
         Some(Window {
-            camera: self,
+            camera: *self,
             face,
             eta,
             parallel,
@@ -198,15 +213,17 @@ impl Camera {
 }
 
 /// A flat face between a medium and a camera.
-pub(crate) struct Window<'a> {
-    camera: &'a Camera,
+#[derive(Clone, Copy)]
+pub(crate) struct Window {
+    camera: Camera,
     face: Face,
     eta: f64,
     /// What is the same for all points, where rays are parallel.
     parallel: Option<Parallel>,
 }
 
-struct Parallel {
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Parallel {
     outer: Vec3,
     inner: Vec3,
     cos_in: f64,
@@ -214,11 +231,16 @@ struct Parallel {
     radiance_per_intensity: f64,
 }
 
-impl Window<'_> {
+impl Window {
     /// Depth of a point below the face, mm.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn depth(&self, point: Vec3) -> f64 {
         (self.face.point - point).dot(self.face.normal)
+    }
+
+    /// Unit normal out of the solid.
+    pub(crate) fn normal(&self) -> Vec3 {
+        self.face.normal
     }
 
     /// The axis across which the face of a block lies.
@@ -247,79 +269,183 @@ impl Window<'_> {
     /// The way from `point` at `depth` below the face to the camera, if a pixel sees it.
     #[inline]
     pub(crate) fn connect(&self, point: Vec3, depth: f64) -> Option<Connection> {
-        match &self.parallel {
-            Some(p) => {
-                let length = depth / p.cos_in;
-                let exit = point + length * p.inner;
-                let (pixel, _) = self.camera.pixel_of(exit)?;
-                Some(Connection {
-                    pixel,
-                    inner: p.inner,
-                    length,
-                    exit,
-                    outer: p.outer,
-                    outer_length: f64::INFINITY,
-                    transmittance: p.transmittance,
-                    radiance_per_intensity: p.radiance_per_intensity,
-                })
+        let (way, place) = match &self.parallel {
+            Some(parallel) => self.straight(parallel, point, depth),
+            None => {
+                let bend = self.bend(point, depth);
+                let mut t = bend.start();
+                for _ in 0..30 {
+                    let step = bend.step(t);
+                    t = (t - step).max(0.0);
+                    if step.abs() <= 1e-13 * (1.0 + t) {
+                        break;
+                    }
+                }
+                self.bent(&bend, point, t)
             }
-            None => self.connect_to_point(point, depth),
+        };
+        let pixel = self.camera.pixel_at(place)?;
+        Some(Connection { pixel, ..way })
+    }
+
+    /// Of any way through the face, a part of a box, to the camera: how far it may go along each axis
+    /// inside for each mm of its length, at most; nothing across the face.
+    pub(crate) fn aside(&self, min: Vec3, max: Vec3) -> Vec3 {
+        let mut aside = match &self.parallel {
+            Some(parallel) => parallel.inner.abs(),
+            None => {
+                let camera = self.camera.view.from;
+                let farthest = (camera - min).abs().max((camera - max).abs());
+                let nearest = (camera - camera.clamp(min, max)).length();
+                // Snell's law holds for each part along the face; no part is larger than the whole.
+                (farthest / nearest / self.eta).min(Vec3::ONE)
+            }
+        };
+        aside[self.axis()] = 0.0;
+        aside
+    }
+
+    /// The pixel at a place of the picture, and whether there is one. Without a branch.
+    #[inline(always)]
+    pub(crate) fn pixel_in_lanes(&self, [x, y]: [f64; 2]) -> (u32, bool) {
+        let view = &self.camera.view;
+        let (width, height) = (view.width as f64, view.height as f64);
+        let inside = (x >= 0.0) & (y >= 0.0) & (x < width) & (y < height);
+        let pixel = (y as i32 as u32).wrapping_mul(view.width as u32);
+        (pixel.wrapping_add(x as i32 as u32), inside)
+    }
+
+    /// What is the same for all points, where rays are parallel.
+    pub(crate) fn parallel(&self) -> Option<Parallel> {
+        self.parallel
+    }
+
+    /// The way through the camera's point, by a fixed number of steps and without a branch: with it
+    /// the place in the picture, and the last step in the tangent outside.
+    #[inline(always)]
+    pub(crate) fn bent_in_steps<const STEPS: usize>(
+        &self,
+        point: Vec3,
+        depth: f64,
+    ) -> (Connection, [f64; 2], f64) {
+        let bend = self.bend(point, depth);
+        let mut t = bend.start();
+        let mut step = 0.0;
+        for _ in 0..STEPS {
+            step = bend.step(t);
+            t = (t - step).max(0.0);
+        }
+        let (way, place) = self.bent(&bend, point, t);
+        (way, place, step.abs())
+    }
+
+    /// The way along parallel rays, and the place in the picture.
+    #[inline(always)]
+    pub(crate) fn straight(&self, p: &Parallel, point: Vec3, depth: f64) -> (Connection, [f64; 2]) {
+        let length = depth / p.cos_in;
+        let exit = point + length * p.inner;
+        let way = Connection {
+            pixel: 0,
+            inner: p.inner,
+            length,
+            exit,
+            outer: p.outer,
+            outer_length: f64::INFINITY,
+            transmittance: p.transmittance,
+            radiance_per_intensity: p.radiance_per_intensity,
+        };
+        (way, self.camera.place_along_rays(exit))
+    }
+
+    #[inline(always)]
+    fn bend(&self, point: Vec3, depth: f64) -> Bend {
+        let normal = self.face.normal;
+        let offset = self.camera.view.from - point;
+        let across = offset - offset.dot(normal) * normal;
+        let distance = across.length();
+        Bend {
+            eta: self.eta,
+            depth,
+            height: (self.camera.view.from - self.face.point).dot(normal),
+            distance,
+            aside: across * if distance > 0.0 { 1.0 / distance } else { 0.0 },
         }
     }
 
-    fn connect_to_point(&self, point: Vec3, depth: f64) -> Option<Connection> {
-        let (eta, normal) = (self.eta, self.face.normal);
-        let camera = self.camera.view.from;
-        let height = (camera - self.face.point).dot(normal);
-        let offset = camera - point;
-        let across = offset - offset.dot(normal) * normal;
-        let distance = across.length();
-        // Snell's law along the way: depth tan θᵢ + height tan θₒ = distance, by Newton in
-        // t = tan θₒ, in which the left side grows and bends downward: it never overshoots. The
-        // start is right near the normal.
-        let inner_tan = |t: f64| t / (eta * eta + (eta * eta - 1.0) * t * t).sqrt();
-        let mut t = distance / (height + depth / eta);
-        if eta < 1.0 {
-            // Inside there is no total reflection then; t is limited instead.
-            t = t.min(0.999_999 * eta / (1.0 - eta * eta).sqrt());
-        }
-        for _ in 0..30 {
-            let square = eta * eta + (eta * eta - 1.0) * t * t;
-            let value = depth * inner_tan(t) + height * t - distance;
-            let slope = depth * eta * eta / (square * square.sqrt()) + height;
-            let step = value / slope;
-            t = (t - step).max(0.0);
-            if step.abs() <= 1e-13 * (1.0 + t) {
-                break;
-            }
-        }
-        let s = inner_tan(t);
-        if !(t.is_finite() && s.is_finite()) {
-            return None;
-        }
-        let aside = across.normalize_or_zero();
-        let (cos_in, cos_out) = (1.0 / s.hypot(1.0), 1.0 / t.hypot(1.0));
-        let inner = cos_in * (normal + s * aside);
-        let outer = cos_out * (normal + t * aside);
+    /// The way that leaves at the angle whose tangent is `t`.
+    #[inline(always)]
+    fn bent(&self, bend: &Bend, point: Vec3, t: f64) -> (Connection, [f64; 2]) {
+        let &Bend {
+            eta,
+            depth,
+            height,
+            aside,
+            ..
+        } = bend;
+        let normal = self.face.normal;
+        let s = bend.inner_tan(t);
+        let (cos_in, cos_out) = (1.0 / (1.0 + s * s).sqrt(), 1.0 / (1.0 + t * t).sqrt());
         let exit = point + depth * (normal + s * aside);
-        let (pixel, cos) = self.camera.pixel_of(exit)?;
+        let (place, cos) = self.camera.place_through_pinhole(exit);
         // A cone of dω inside covers this area across the ray at the camera.
         let meridian =
             depth / (cos_in * cos_in) + height / (cos_out * cos_out) * eta * cos_in / cos_out;
         let sagittal = depth / cos_in + height * eta / cos_out;
         let area = cos_out * meridian * sagittal;
         // And a pixel sees this solid angle.
-        let solid_angle = self.camera.pixel * self.camera.pixel * cos.powi(3);
-        Some(Connection {
-            pixel,
-            inner,
+        let solid_angle = self.camera.pixel * self.camera.pixel * (cos * cos * cos);
+        let way = Connection {
+            pixel: 0,
+            inner: cos_in * (normal + s * aside),
             length: depth / cos_in,
             exit,
-            outer,
+            outer: cos_out * (normal + t * aside),
             outer_length: height / cos_out,
-            transmittance: fresnel::entry_factor(eta, cos_out),
+            transmittance: 1.0 - fresnel::reflectance_between(eta, cos_out, cos_in),
             radiance_per_intensity: 1.0 / (area * solid_angle),
-        })
+        };
+        (way, place)
+    }
+}
+
+/// Snell's law along a way from a point inside to the camera: depth tan θᵢ + height tan θₒ =
+/// distance. In t = tan θₒ the left side grows and bends downward, so that Newton's method never
+/// overshoots.
+struct Bend {
+    eta: f64,
+    /// Of the point below the face, of the camera above it, and between the two along it, mm.
+    depth: f64,
+    height: f64,
+    distance: f64,
+    /// Direction along the face.
+    aside: Vec3,
+}
+
+impl Bend {
+    /// Where to begin: right near the normal.
+    #[inline(always)]
+    fn start(&self) -> f64 {
+        let t = self.distance / (self.height + self.depth / self.eta);
+        if self.eta < 1.0 {
+            // Inside there is no total reflection then; t is limited instead.
+            t.min(0.999_999 * self.eta / (1.0 - self.eta * self.eta).sqrt())
+        } else {
+            t
+        }
+    }
+
+    #[inline(always)]
+    fn inner_tan(&self, t: f64) -> f64 {
+        t / (self.eta * self.eta + (self.eta * self.eta - 1.0) * t * t).sqrt()
+    }
+
+    /// By how much `t` is to be made smaller.
+    #[inline(always)]
+    fn step(&self, t: f64) -> f64 {
+        let square = self.eta * self.eta + (self.eta * self.eta - 1.0) * t * t;
+        let value = self.depth * self.inner_tan(t) + self.height * t - self.distance;
+        let slope = self.depth * self.eta * self.eta / (square * square.sqrt()) + self.height;
+        value / slope
     }
 }
 
@@ -396,8 +522,10 @@ mod tests {
     fn rays_and_pixels_agree() {
         let camera = Camera::new(view(), Lens::Pinhole { field: 0.4 }).unwrap();
         let (origin, direction) = camera.ray(12.5, 7.5);
-        let (pixel, _) = camera.pixel_of(origin + 9.0 * direction).unwrap();
-        assert_eq!(pixel, 7 * 40 + 12);
+        let (place, _) = camera.place_through_pinhole(origin + 9.0 * direction);
+        assert_eq!(camera.pixel_at(place), Some(7 * 40 + 12));
+        let (behind, _) = camera.place_through_pinhole(origin - 9.0 * direction);
+        assert_eq!(camera.pixel_at(behind), None);
         // Up in space is up in the picture.
         let (_, high) = camera.ray(20.0, 0.0);
         let (_, low) = camera.ray(20.0, 30.0);

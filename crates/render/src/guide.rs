@@ -16,7 +16,7 @@ use physics::{DiffuseFresnel, Dipole};
 use std::f64::consts::LN_2;
 
 /// Distances of a table.
-const STEPS: usize = 4096;
+pub(crate) const STEPS: usize = 4096;
 /// -ln of the least weight that is wanted.
 const LEAST: f64 = 11.5;
 /// What a photon costs of what its path near the surface would, the way deep inside being rare.
@@ -30,8 +30,9 @@ pub(crate) struct Guide {
     object: usize,
     center: Vec3,
     per_mm: f64,
-    /// -ln of the wanted weight at the distances k / `per_mm`.
+    /// -ln of the wanted weight at the distances k / `per_mm`, and the same for lanes.
     depth: Vec<f64>,
+    lanes: Box<[f32; STEPS]>,
     /// How much more there is to do for one photon than without.
     effort: f64,
     /// A transport length, mm.
@@ -88,6 +89,7 @@ impl Guide {
             object,
             center: from + hit.distance * direction,
             per_mm,
+            lanes: Box::new(std::array::from_fn(|k| depth[k] as f32)),
             depth,
             path,
             effort: (COST * all / as_they_come).max(1.0),
@@ -97,6 +99,12 @@ impl Guide {
     /// Whether it knows the solid.
     pub(crate) fn holds(&self, object: usize) -> bool {
         self.object == object
+    }
+
+    /// What lanes need to know whether [`Self::split`] has anything to do: the middle, steps of the
+    /// table in a mm, the table, and a transport length, mm.
+    pub(crate) fn table(&self) -> (Vec3, f64, &[f32; STEPS], f64) {
+        (self.center, self.per_mm, &self.lanes, self.path)
     }
 
     /// How many photons make about the effort of `photons` without guide.

@@ -8,23 +8,23 @@
 
 use crate::Vec3;
 use crate::scene::Scene;
-use crate::walk::{Photon, scatter};
+use crate::walk::{Photon, scatter, way_out};
 use physics::Medium;
 use physics::random::{Stream, stream, uniform};
 use std::f64::consts::TAU;
 
 /// Radii of the balls in transport lengths.
-const RADII: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
+pub(crate) const RADII: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 /// Walks that are remembered of each.
 const WALKS: usize = 1024;
 
-/// How a walk that starts in the middle along the z axis leaves a ball.
+/// How a walk that starts in the middle along the z axis leaves a ball, or how far it has got.
 #[derive(Clone, Copy)]
-struct Exit {
-    at: Vec3,
-    direction: Vec3,
-    length: f64,
-    scatterings: u32,
+pub(crate) struct Exit {
+    pub(crate) at: Vec3,
+    pub(crate) direction: Vec3,
+    pub(crate) length: f64,
+    pub(crate) scatterings: u32,
 }
 
 /// Walks of one medium; filled as they are asked for.
@@ -56,34 +56,87 @@ impl Leaps {
         (0..RADII.len()).rev().find(|k| self.radii[*k] <= radius)
     }
 
+    /// Radii of the balls, mm.
+    pub(crate) fn radii(&self) -> [f64; RADII.len()] {
+        self.radii
+    }
+
     /// Radius of a ball, mm.
     #[inline]
     pub(crate) fn radius(&self, ball: usize) -> f64 {
         self.radii[ball]
     }
 
-    /// Takes a photon that has just been turned out of a ball around it, and says how often it
-    /// scattered on the way.
-    pub(crate) fn leap(&mut self, ball: usize, photon: &mut Photon, rng: &mut Stream) -> u32 {
+    /// One of the remembered walks out of a ball.
+    #[inline]
+    pub(crate) fn walk(&mut self, ball: usize, which: usize) -> Exit {
         if self.exits.is_empty() {
             self.exits = vec![None; RADII.len() * WALKS];
         }
-        let walk = (uniform(rng) * WALKS as f64) as usize;
-        let slot = ball * WALKS + walk;
-        let exit = self.exits[slot].unwrap_or_else(|| {
-            let [round, index] = self.identity;
-            let identity = [6, round, index, slot as u64];
-            let mut own = stream(self.seed, &identity);
-            exit(&self.medium, self.radii[ball], &mut own)
-        });
+        let slot = ball * WALKS + which % WALKS;
+        if let Some(exit) = self.exits[slot] {
+            return exit;
+        }
+        let [round, index] = self.identity;
+        let identity = [6, round, index, slot as u64];
+        let exit = self.exit(ball, &mut stream(self.seed, &identity));
         self.exits[slot] = Some(exit);
-        let axis = photon.direction;
+        exit
+    }
+
+    /// Walks from the middle of a ball along z to its surface, by leaps out of smaller balls.
+    fn exit(&mut self, ball: usize, rng: &mut Stream) -> Exit {
+        let Medium { sigma_s, g, .. } = self.medium;
+        let radius = self.radii[ball];
+        let mut exit = Exit {
+            at: Vec3::ZERO,
+            direction: Vec3::Z,
+            length: 0.0,
+            scatterings: 0,
+        };
+        loop {
+            let free = -(1.0 - uniform(rng)).ln() / sigma_s;
+            let out = way_out(exit.at, exit.direction, radius);
+            exit.at += free.min(out) * exit.direction;
+            exit.length += free.min(out);
+            if free >= out {
+                return exit;
+            }
+            exit.scatterings += 1;
+            exit.direction = scatter(exit.direction, g, rng);
+            let smaller = self.within(radius - exit.at.length());
+            if let Some(smaller) = smaller.filter(|smaller| *smaller < ball) {
+                self.follow(smaller, &mut exit, rng);
+            }
+        }
+    }
+
+    /// Goes on with a walk out of a ball around where it is.
+    fn follow(&mut self, ball: usize, so_far: &mut Exit, rng: &mut Stream) {
+        let exit = self.walk(ball, (uniform(rng) * WALKS as f64) as usize);
+        let axis = so_far.direction;
         let (u, v) = axis.any_orthonormal_pair();
         let (sin, cos) = (TAU * uniform(rng)).sin_cos();
         let (u, v) = (cos * u + sin * v, cos * v - sin * u);
         let turned = |w: Vec3| w.x * u + w.y * v + w.z * axis;
-        photon.at += turned(exit.at);
-        photon.direction = turned(exit.direction).normalize();
+        so_far.at += turned(exit.at);
+        so_far.direction = turned(exit.direction).normalize();
+        so_far.length += exit.length;
+        so_far.scatterings += exit.scatterings;
+    }
+
+    /// Takes a photon that has just been turned out of a ball around it, and says how often it
+    /// scattered on the way.
+    pub(crate) fn leap(&mut self, ball: usize, photon: &mut Photon, rng: &mut Stream) -> u32 {
+        let mut exit = Exit {
+            at: photon.at,
+            direction: photon.direction,
+            length: 0.0,
+            scatterings: 0,
+        };
+        self.follow(ball, &mut exit, rng);
+        photon.at = exit.at;
+        photon.direction = exit.direction;
         photon.depth += self.medium.sigma_a * exit.length;
         exit.scatterings
     }
@@ -96,30 +149,4 @@ pub fn of_scene(scene: &Scene, seed: u64, round: u64) -> Vec<Leaps> {
         .enumerate()
         .map(|(index, medium)| Leaps::new(*medium, seed, [round, index as u64]))
         .collect()
-}
-
-/// Walks from the middle of a ball along z to its surface.
-fn exit(medium: &Medium, radius: f64, rng: &mut Stream) -> Exit {
-    let mut at = Vec3::ZERO;
-    let mut direction = Vec3::Z;
-    let mut length = 0.0;
-    let mut scatterings = 0;
-    loop {
-        let free = -(1.0 - uniform(rng)).ln() / medium.sigma_s;
-        let along = at.dot(direction);
-        let missing = radius * radius - at.length_squared();
-        let out = (along * along + missing).max(0.0).sqrt() - along;
-        if free >= out {
-            return Exit {
-                at: at + out * direction,
-                direction,
-                length: length + out,
-                scatterings,
-            };
-        }
-        at += free * direction;
-        length += free;
-        scatterings += 1;
-        direction = scatter(direction, medium.g, rng);
-    }
 }

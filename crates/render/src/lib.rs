@@ -12,6 +12,7 @@
 //! | [`light`] | beams, distant, point and area lights, an even sky |
 //! | [`scene`] | [`Scene`]: all of it together, checked |
 //! | [`walk`] | the random walk of a photon inside a solid |
+//! | `lanes` | the same of many photons at once in a block |
 //! | [`leap`] | many steps of such a walk at once, where no surface is near |
 //! | [`photons`] | `monte-carlo` from the lights, connected to the camera through flat faces |
 //! | `guide` | how light photons should be, and so how many, far from a beam |
@@ -36,6 +37,7 @@ pub mod bssrdf;
 pub mod camera;
 pub mod film;
 mod guide;
+mod lanes;
 pub mod layered;
 pub mod leap;
 pub mod light;

@@ -30,7 +30,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             seed: 1,
-            photons: 10_000,
+            photons: 40_000,
             components: false,
             rings: None,
         }
@@ -237,15 +237,36 @@ mod tests {
     }
 
     /// From the lamp and from the camera the same picture, in all of its components: in a small
-    /// block, and in one so thick that most of the way inside is leapt.
+    /// block, in one so thick that most of the way inside is leapt, and where one hides another.
     #[test]
     fn both_directions_make_one_picture() {
-        for (lens, size, rounds) in [
-            (Lens::Orthographic { height: 4.0 }, 1.0, [30, 4_000]),
-            (Lens::Pinhole { field: 0.24 }, 1.0, [30, 4_000]),
-            (Lens::Pinhole { field: 0.24 }, 12.0, [30, 6_000]),
+        let (parallel, pinhole) = (
+            Lens::Orthographic { height: 4.0 },
+            Lens::Pinhole { field: 0.24 },
+        );
+        for (lens, size, blocks, rounds) in [
+            (parallel, 1.0, 1, [30, 4_000]),
+            (pinhole, 1.0, 1, [30, 4_000]),
+            (pinhole, 12.0, 1, [30, 6_000]),
+            (parallel, 12.0, 2, [60, 6_000]),
         ] {
-            let scene = scene(lens, size, LAMP);
+            let mut scene = scene(lens, size, LAMP);
+            if blocks == 2 {
+                // Another, which scatters evenly, hides a part of the first.
+                let mut medium = scene.objects[0].material.media[0];
+                medium.g = 0.0;
+                scene.objects.push(Object {
+                    name: "other".into(),
+                    shape: Shape::Block(Block {
+                        min: Vec3::new(-0.5, -2.0, -1.0),
+                        max: Vec3::new(1.0, -1.3, 0.3),
+                    }),
+                    material: Material {
+                        media: vec![medium],
+                        texture: None,
+                    },
+                });
+            }
             let options = Options {
                 components: true,
                 photons: 2000,
@@ -261,7 +282,12 @@ mod tests {
             from_camera.wanted.scattered = vec![true];
             let mut b = from_camera.empty();
             from_camera.run(0..rounds[1], &mut b, &mut |_| ControlFlow::Continue(()));
-            agree(&format!("{lens:?}, {size}"), scene.pixels(), &a, &b);
+            agree(
+                &format!("{lens:?}, {size}, {blocks}"),
+                scene.pixels(),
+                &a,
+                &b,
+            );
         }
     }
 

@@ -7,10 +7,11 @@
 use crate::boundary::part;
 use crate::camera::{Camera, Window};
 use crate::guide::Guide;
+use crate::lanes;
 use crate::leap::{self, Leaps};
 use crate::light::Reach;
 use crate::scene::Scene;
-use crate::shape::{Block, Shape};
+use crate::shape::{Block, Hit, Shape};
 use crate::walk::{End, Ground, Photon, ROULETTE_DEPTH, Visitor, scatter, wander};
 use crate::{Vec3, shape};
 use physics::random::{Stream, stream, uniform};
@@ -118,27 +119,31 @@ pub(crate) struct Photons<'a> {
 }
 
 /// How much optical depth a connection may have before roulette begins.
-const SURE_DEPTH: f64 = 1.0;
+pub(crate) const SURE_DEPTH: f64 = 1.0;
 /// Optical depth within which a scattering is best not leapt over.
 pub(crate) const SEEN_DEPTH: f64 = 4.0;
 /// Optical depth beyond the sure one that roulette never lets through: a share of 1e-14.
 const NEVER: f64 = 33.0;
 
+/// Photons that are sent together, at most.
+const TOGETHER: u64 = 4096;
+
 /// What the photons of a lamp in a channel have in common.
-struct Source<'a> {
+pub(crate) struct Source<'a> {
     channel: usize,
     lamp: usize,
+    /// Of one photon, W.
     power: f64,
     reach: Reach,
-    windows: &'a [Vec<Window<'a>>],
+    pub(crate) windows: &'a [Vec<Window>],
     guide: Option<&'a Guide>,
 }
 
 /// A photon in a solid, in which it has scattered so often.
-struct Inside {
-    photon: Photon,
-    object: usize,
-    order: u32,
+pub(crate) struct Inside {
+    pub(crate) photon: Photon,
+    pub(crate) object: usize,
+    pub(crate) order: u32,
 }
 
 struct Splat<'a, F> {
@@ -181,9 +186,7 @@ impl Photons<'_> {
                     windows: &windows,
                     guide,
                 };
-                for _ in 0..photons {
-                    self.follow(&source, &mut leaps, &mut rng, &mut splat, powers);
-                }
+                self.follow(&source, photons, &mut leaps, &mut rng, &mut splat, powers);
             }
         }
     }
@@ -191,83 +194,48 @@ impl Photons<'_> {
     fn follow(
         &self,
         source: &Source<'_>,
+        photons: u64,
         leaps: &mut [Leaps],
         rng: &mut Stream,
         splat: &mut Splat<'_, impl Fn(usize, u32) -> usize>,
         powers: &mut [f64],
     ) {
-        let ray = self.scene.lamps[source.lamp].light.emit(source.reach, rng);
-        let power = source.power * ray.power;
-        if power == 0.0 {
-            return;
-        }
-        let channel = source.channel;
-        let mut count = |entry, power: f64| powers[self.ledger.index(channel, entry)] += power;
-        let photon = Photon {
-            at: ray.origin,
-            direction: ray.direction,
-            depth: 0.0,
-        };
-        let mut waiting: Vec<Inside> = vec![];
-        waiting.extend(self.arrive(channel, power, photon, rng, &mut count));
-        while let Some(Inside {
-            mut photon,
-            object: index,
-            order,
-        }) = waiting.pop()
-        {
-            let object = &self.scene.objects[index];
-            let medium = &object.material.media[channel];
-            let guide = source.guide.filter(|guide| guide.holds(index));
-            let ground = Ground {
-                shape: &object.shape,
-                medium,
-                leaps: &mut leaps[index * self.scene.channels.len() + channel],
-                roulette: if guide.is_some() {
-                    f64::INFINITY
-                } else {
-                    photon.depth + ROULETTE_DEPTH
-                },
-            };
-            let mut watch = Watch {
-                photons: self,
-                source,
-                splat,
-                waiting: &mut waiting,
-                guide,
-                index,
-                medium,
-                power,
-                order,
-                own: stream_of(rng),
-                ball: Ball::default(),
-            };
-            let end = wander(ground, &mut photon, rng, &mut watch);
-            let weight = power * (-photon.depth).exp();
-            match end {
-                End::Left(hit) => {
-                    let face = object.shape.counted_face(&hit);
-                    count(
-                        Entry::Face {
-                            object: index,
-                            face,
-                        },
-                        weight,
-                    );
-                    if let Some(rings) = self.rings
-                        && rings.object == index
-                        && rings.face == face
-                    {
-                        let radius = (photon.at - rings.center).length();
-                        let above = rings.edges_mm.partition_point(|edge| *edge <= radius);
-                        if above > 0 && above < rings.edges_mm.len() {
-                            count(Entry::Ring(above - 1), weight);
-                        }
-                    }
-                    waiting.extend(self.arrive(channel, power, photon, rng, &mut count));
+        let mut crowds: Vec<Vec<Inside>> = self.scene.objects.iter().map(|_| vec![]).collect();
+        let mut sent = 0;
+        while sent < photons {
+            let last = photons.min(sent + TOGETHER);
+            for _ in sent..last {
+                let ray = self.scene.lamps[source.lamp].light.emit(source.reach, rng);
+                let photon = Photon {
+                    at: ray.origin,
+                    direction: ray.direction,
+                    depth: -ray.power.ln(),
+                };
+                if ray.power > 0.0
+                    && let Some(inside) = self.arrive(source, photon, rng, powers)
+                {
+                    crowds[inside.object].push(inside);
                 }
-                End::Stopped => {}
-                End::Lost => count(Entry::Lost, weight),
+            }
+            sent = last;
+            while let Some(index) = crowds.iter().position(|crowd| !crowd.is_empty()) {
+                let object = &self.scene.objects[index];
+                let watch = Watch {
+                    photons: self,
+                    source,
+                    splat,
+                    waiting: std::mem::take(&mut crowds[index]),
+                    guide: source.guide.filter(|guide| guide.holds(index)),
+                    index,
+                    medium: &object.material.media[source.channel],
+                    order: 0,
+                    own: stream_of(rng),
+                    ball: Ball::default(),
+                };
+                let leaps = &mut leaps[index * self.scene.channels.len() + source.channel];
+                for out in watch.walk(leaps, rng, powers) {
+                    crowds[out.object].push(out);
+                }
             }
         }
     }
@@ -275,23 +243,24 @@ impl Photons<'_> {
     /// Follows a photon outside of all solids to where it is just inside of one, if it gets there.
     fn arrive(
         &self,
-        channel: usize,
-        power: f64,
+        source: &Source<'_>,
         mut photon: Photon,
         rng: &mut Stream,
-        count: &mut impl FnMut(Entry, f64),
+        powers: &mut [f64],
     ) -> Option<Inside> {
-        let weight = power * (-photon.depth).exp();
+        let channel = source.channel;
+        let weight = source.power * (-photon.depth).exp();
+        let mut count = |entry| powers[self.ledger.index(channel, entry)] += weight;
         while let Some((object, hit)) = self.scene.enter(photon.at, photon.direction) {
             photon.at += hit.distance * photon.direction;
             let eta = self.scene.eta(object, channel);
             let parting = part(photon.direction, hit.normal, eta);
             if parting.reflectance >= 1.0 || uniform(rng) < parting.reflectance {
-                count(Entry::Specular, weight);
+                count(Entry::Specular);
                 photon.direction = parting.reflected;
                 continue;
             }
-            count(Entry::Entered, weight);
+            count(Entry::Entered);
             photon.direction = parting.refracted;
             return Some(Inside {
                 photon,
@@ -302,13 +271,46 @@ impl Photons<'_> {
         None
     }
 
+    /// Counts what left a solid, and follows it to where it is inside of one again.
+    pub(crate) fn left(
+        &self,
+        source: &Source<'_>,
+        object: usize,
+        hit: &Hit,
+        photon: Photon,
+        rng: &mut Stream,
+        powers: &mut [f64],
+    ) -> Option<Inside> {
+        let face = self.scene.objects[object].shape.counted_face(hit);
+        let weight = source.power * (-photon.depth).exp();
+        let mut count = |entry| powers[self.ledger.index(source.channel, entry)] += weight;
+        count(Entry::Face { object, face });
+        if let Some(rings) = self.rings
+            && rings.object == object
+            && rings.face == face
+        {
+            let radius = (photon.at - rings.center).length();
+            let above = rings.edges_mm.partition_point(|edge| *edge <= radius);
+            if above > 0 && above < rings.edges_mm.len() {
+                count(Entry::Ring(above - 1));
+            }
+        }
+        self.arrive(source, photon, rng, powers)
+    }
+
+    /// Counts what fell through a hole.
+    pub(crate) fn lost(&self, source: &Source<'_>, photon: &Photon, powers: &mut [f64]) {
+        let weight = source.power * (-photon.depth).exp();
+        powers[self.ledger.index(source.channel, Entry::Lost)] += weight;
+    }
+
     /// All ways from a scattering through one face to the camera, as far as roulette has it.
     #[inline]
     fn connect(
         &self,
         object: usize,
         medium: &Medium,
-        window: &Window<'_>,
+        window: &Window,
         photon: &Photon,
         reached: Reached,
         mut add: impl FnMut(usize, f64),
@@ -366,7 +368,7 @@ impl Photons<'_> {
         }
     }
 
-    fn hidden(&self, object: usize, exit: Vec3, outer: Vec3, length: f64) -> bool {
+    pub(crate) fn hidden(&self, object: usize, exit: Vec3, outer: Vec3, length: f64) -> bool {
         // A flat-faced solid is convex: it does not hide itself.
         self.scene.objects.iter().enumerate().any(|(other, o)| {
             other != object
@@ -379,11 +381,11 @@ impl Photons<'_> {
 
 /// How far a connection may go.
 #[derive(Clone, Copy)]
-struct Reached {
+pub(crate) struct Reached {
     /// Length inside, mm.
-    most: f64,
+    pub(crate) most: f64,
     /// Optical depth to which any would have been tried.
-    sure: f64,
+    pub(crate) sure: f64,
 }
 
 /// A way through a ball that was not leapt over, because its scatterings are to be seen.
@@ -404,24 +406,122 @@ impl Default for Ball {
     }
 }
 
-/// Connects the scatterings of a photon to the camera, and splits it.
-struct Watch<'a, 'b, F> {
-    photons: &'a Photons<'a>,
-    source: &'a Source<'a>,
+/// Connects the scatterings of the photons in a solid to the camera, and splits them.
+pub(crate) struct Watch<'a, 'b, F> {
+    pub(crate) photons: &'a Photons<'a>,
+    pub(crate) source: &'a Source<'a>,
     splat: &'a mut Splat<'b, F>,
-    waiting: &'a mut Vec<Inside>,
-    guide: Option<&'a Guide>,
-    index: usize,
-    medium: &'a Medium,
-    power: f64,
-    order: u32,
+    /// Those that have not started.
+    pub(crate) waiting: Vec<Inside>,
+    pub(crate) guide: Option<&'a Guide>,
+    pub(crate) index: usize,
+    pub(crate) medium: &'a Medium,
+    /// How often the photon has scattered.
+    pub(crate) order: u32,
     own: Stream,
     ball: Ball,
 }
 
-impl<F> Watch<'_, '_, F> {
-    fn windows(&self) -> &[Window<'_>] {
+impl<F: Fn(usize, u32) -> usize> Watch<'_, '_, F> {
+    pub(crate) fn windows(&self) -> &[Window] {
         &self.source.windows[self.index]
+    }
+
+    /// Follows those that wait, and all that they split into; returns those that left the solid
+    /// and are in one again.
+    fn walk(mut self, leaps: &mut Leaps, rng: &mut Stream, powers: &mut [f64]) -> Vec<Inside> {
+        let shape = &self.photons.scene.objects[self.index].shape;
+        if let Shape::Block(block) = shape
+            && let Some(pool) = lanes::Pool::new(&self, block, leaps, rng)
+        {
+            return pool.walk(self, leaps, rng, powers);
+        }
+        let mut out = vec![];
+        while let Some(Inside {
+            mut photon, order, ..
+        }) = self.waiting.pop()
+        {
+            self.order = order;
+            self.ball = Ball::default();
+            let ground = Ground {
+                shape,
+                medium: self.medium,
+                leaps,
+                roulette: self.roulette(&photon),
+            };
+            match wander(ground, &mut photon, rng, &mut self) {
+                End::Left(hit) => {
+                    let (photons, source) = (self.photons, self.source);
+                    out.extend(photons.left(source, self.index, &hit, photon, rng, powers));
+                }
+                End::Stopped => {}
+                End::Lost => self.photons.lost(self.source, &photon, powers),
+            }
+        }
+        out
+    }
+
+    /// Depth from which a photon that has just entered plays roulette.
+    pub(crate) fn roulette(&self, photon: &Photon) -> f64 {
+        if self.guide.is_some() {
+            f64::INFINITY
+        } else {
+            photon.depth + ROULETTE_DEPTH
+        }
+    }
+
+    /// A ball around a photon that is walked through.
+    fn ball(&self, photon: &Photon, radius: f64) -> Ball {
+        let windows = self.windows().iter();
+        let lengths = windows.map(|w| w.least_length(w.depth(photon.at) - radius));
+        let nearest = self.medium.sigma_t() * lengths.fold(f64::INFINITY, f64::min);
+        let sure = nearest.max(SURE_DEPTH);
+        Ball {
+            sure,
+            factor: (sure - SURE_DEPTH).exp(),
+        }
+    }
+
+    /// The photon walks through a ball around it, as one of many that leap.
+    pub(crate) fn strolls(&mut self, photon: &Photon, radius: f64) {
+        self.ball = self.ball(photon, radius);
+    }
+
+    /// Adds to the radiance of a pixel.
+    #[inline]
+    pub(crate) fn add(&mut self, pixel: usize, order: u32, value: f64) {
+        let plane = (self.splat.plane)(self.source.channel, order);
+        self.splat.picture[plane * self.splat.pixels + pixel] += self.source.power * value;
+    }
+
+    /// Lets a photon that scatters go on, with others beside it, or not.
+    pub(crate) fn split(&mut self, guide: &Guide, photon: &mut Photon, rng: &mut Stream) -> bool {
+        let depths = self.windows().iter().map(|w| w.depth(photon.at));
+        let below = depths.fold(f64::INFINITY, f64::min).max(0.0);
+        let number = guide.split(photon, below, rng);
+        self.waiting.extend((1..number).map(|_| Inside {
+            photon: Photon {
+                direction: scatter(photon.direction, self.medium.g, rng),
+                ..*photon
+            },
+            object: self.index,
+            order: self.order,
+        }));
+        number > 0
+    }
+
+    /// Connects a scattering to the camera through one face.
+    pub(crate) fn connect(
+        &mut self,
+        window: &Window,
+        photon: &Photon,
+        reached: Reached,
+        factor: f64,
+    ) {
+        let (photons, index, medium, order) = (self.photons, self.index, self.medium, self.order);
+        photons.connect(index, medium, window, photon, reached, |pixel, value| {
+            self.add(pixel, order, factor * value);
+        });
     }
 }
 
@@ -436,7 +536,8 @@ impl<F: Fn(usize, u32) -> usize> Visitor for Watch<'_, '_, F> {
         self.order += 1;
         let Ball { sure, factor } = if in_ball { self.ball } else { Ball::default() };
         let sigma_t = self.medium.sigma_t();
-        for window in &self.source.windows[self.index] {
+        let source = self.source;
+        for window in &source.windows[self.index] {
             let depth = window.depth(photon.at);
             // The roulette of connections: none is tried beyond a random optical depth.
             let least = sigma_t * window.least_length(depth);
@@ -447,37 +548,17 @@ impl<F: Fn(usize, u32) -> usize> Visitor for Watch<'_, '_, F> {
             if least > most {
                 continue;
             }
-            let (splat, power, channel) = (&mut *self.splat, self.power, self.source.channel);
-            let order = self.order;
-            let reach = Reached {
+            let reached = Reached {
                 most: most / sigma_t,
                 sure,
             };
-            let add = |pixel, value: f64| {
-                let plane = (splat.plane)(channel, order);
-                splat.picture[plane * splat.pixels + pixel] += power * factor * value;
-            };
-            self.photons
-                .connect(self.index, self.medium, window, photon, reach, add);
+            self.connect(window, photon, reached, factor);
         }
         // What waits would not know of the ball.
-        if let Some(guide) = self.guide.filter(|_| !in_ball) {
-            let windows = self.windows().iter();
-            let below = windows
-                .map(|w| w.depth(photon.at))
-                .fold(f64::INFINITY, f64::min)
-                .max(0.0);
-            match guide.split(photon, below, rng) {
-                0 => return ControlFlow::Break(()),
-                number => self.waiting.extend((1..number).map(|_| Inside {
-                    photon: Photon {
-                        direction: scatter(photon.direction, self.medium.g, rng),
-                        ..*photon
-                    },
-                    object: self.index,
-                    order: self.order,
-                })),
-            }
+        if let Some(guide) = self.guide.filter(|_| !in_ball)
+            && !self.split(guide, photon, rng)
+        {
+            return ControlFlow::Break(());
         }
         ControlFlow::Continue(())
     }
@@ -496,18 +577,11 @@ impl<F: Fn(usize, u32) -> usize> Visitor for Watch<'_, '_, F> {
     fn leaps(&mut self, photon: &Photon, radius: f64) -> bool {
         // Connections from within the ball are as rare as roulette would have them from its
         // nearest point: all of them, or none.
-        let windows = self.windows().iter();
-        let lengths = windows.map(|w| w.least_length(w.depth(photon.at) - radius));
-        let nearest = self.medium.sigma_t() * lengths.fold(f64::INFINITY, f64::min);
-        let sure = nearest.max(SURE_DEPTH);
-        let walks = (SURE_DEPTH - sure).exp();
-        if uniform(&mut self.own) >= walks {
+        let ball = self.ball(photon, radius);
+        if uniform(&mut self.own) * ball.factor >= 1.0 {
             return true;
         }
-        self.ball = Ball {
-            sure,
-            factor: 1.0 / walks,
-        };
+        self.ball = ball;
         false
     }
 }
@@ -518,7 +592,7 @@ fn stream_of(rng: &mut Stream) -> Stream {
 }
 
 /// The windows of each solid toward the camera.
-fn windows(scene: &Scene, channel: usize) -> Vec<Vec<Window<'_>>> {
+fn windows(scene: &Scene, channel: usize) -> Vec<Vec<Window>> {
     let camera: &Camera = &scene.camera;
     let of_object = |object: &crate::scene::Object| {
         let eta = object.material.media[channel].eta;
@@ -531,7 +605,7 @@ fn windows(scene: &Scene, channel: usize) -> Vec<Vec<Window<'_>>> {
     scene.objects.iter().map(of_object).collect()
 }
 
-fn on_face(shape: &Shape, window: &Window<'_>, exit: Vec3) -> bool {
+fn on_face(shape: &Shape, window: &Window, exit: Vec3) -> bool {
     match shape {
         Shape::Block(block) => {
             let across = window.axis();
@@ -557,7 +631,7 @@ struct Image {
 /// worth a look.
 fn images(
     block: &Block,
-    window: &Window<'_>,
+    window: &Window,
     at: Vec3,
     most: f64,
     visit: &mut impl FnMut(Image) -> bool,

@@ -143,11 +143,8 @@ fn within<S: Solid>(
             return End::Stopped;
         }
         photon.direction = scatter(photon.direction, g, rng);
-        if photon.depth > roulette {
-            if uniform(rng) >= SURVIVAL {
-                return End::Stopped;
-            }
-            photon.depth += SURVIVAL.ln();
+        if photon.depth > roulette && !survives(photon, rng) {
+            return End::Stopped;
         }
         if ball.is_some() {
             continue;
@@ -167,6 +164,45 @@ fn within<S: Solid>(
             }
         }
     }
+}
+
+/// Plays roulette for a photon's life.
+pub(crate) fn survives(photon: &mut Photon, rng: &mut Stream) -> bool {
+    photon.depth += SURVIVAL.ln();
+    uniform(rng) < SURVIVAL
+}
+
+/// Walks on from the middle of a ball that holds no surface to where the photon leaves it; `false`
+/// if the visitor had seen enough.
+pub(crate) fn through_ball(
+    medium: &Medium,
+    radius: f64,
+    photon: &mut Photon,
+    rng: &mut Stream,
+    visitor: &mut impl Visitor,
+) -> bool {
+    let center = photon.at;
+    loop {
+        let free = -(1.0 - uniform(rng)).ln() / medium.sigma_s;
+        let out = way_out(photon.at - center, photon.direction, radius);
+        let length = free.min(out);
+        photon.at += length * photon.direction;
+        photon.depth += medium.sigma_a * length;
+        if free >= out {
+            return true;
+        }
+        if visitor.scatters(photon, true, rng).is_break() {
+            return false;
+        }
+        photon.direction = scatter(photon.direction, medium.g, rng);
+    }
+}
+
+/// Length of the way out of a ball about the origin.
+pub(crate) fn way_out(at: Vec3, direction: Vec3, radius: f64) -> f64 {
+    let along = at.dot(direction);
+    let missing = radius * radius - at.length_squared();
+    (along * along + missing).max(0.0).sqrt() - along
 }
 
 /// A new direction after a scattering by Henyey and Greenstein's phase function.
