@@ -170,6 +170,29 @@ fn the_pool_is_what_drawing_finds() {
     }
 }
 
+/// Of the points of a round a pixel looks at few, and yet its looks are nearly alike: where R_d is wide, and
+/// where it is narrow.
+#[test]
+fn looks_at_one_pool_are_alike() {
+    let media = vec![medium(0.4), medium(2.0)];
+    let scene = scene(block(), media, SLANTED);
+    let (from, toward) = (Vec3::new(-20.0, 0.4, 1.0), Vec3::new(1.0, 0.0, 0.0));
+    let (object, hit) = scene.enter(from, toward).expect("a hit");
+    let point = Point::new(&scene, object, from + hit.distance * toward, &hit);
+    let method = Pooled::new(&scene, bssrdf(&scene), 3, false);
+    let pool = method.pool(0);
+    let mut rng = stream(7, &[]);
+    const LOOKS: u64 = 2000;
+    let found = mean(2, LOOKS, |_, out| {
+        pool.shade(&scene, &point, point.normal, &mut rng, &mut [0.0; 2], out);
+    });
+    for (channel, (mean, u)) in found.into_iter().enumerate() {
+        let scatter = u * (LOOKS as f64).sqrt() / mean;
+        println!("{channel}: a look scatters by {scatter:.4}");
+        assert!(scatter < 0.06, "{channel}: {scatter}");
+    }
+}
+
 /// Rounds are the same whatever threads make them.
 #[test]
 fn threads_change_no_byte() {
