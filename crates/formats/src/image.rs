@@ -104,6 +104,16 @@ impl Decoded {
     }
 }
 
+/// Width of a pixel over its height, which are as these; 1 where they are no lengths.
+fn aspect(width: f64, height: f64) -> f64 {
+    let ratio = width / height;
+    if width > 0.0 && height > 0.0 && ratio.is_normal() {
+        ratio
+    } else {
+        1.0
+    }
+}
+
 /// A frame cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]

@@ -47,8 +47,8 @@ pub(crate) fn check_aspect(size: Option<PixelSize>, aspect: f64) -> Result<()> {
         return Ok(());
     }
     let message = format!(
-        "its pixels are {aspect:.4} times as wide as they are high by its own tags (DefaultScale, \
-         pixelAspectRatio), and geometry.mm_per_pixel is one length: expected [across, down] in mm, \
+        "its pixels are {aspect:.4} times as wide as they are high by its own tags (resolution of \
+         a TIFF, pHYs of a PNG, XPIXSZ or CDELT of a FITS, DefaultScale, pixelAspectRatio), and geometry.mm_per_pixel is one length: expected [across, down] in mm, \
          or the same number twice where the tags are wrong"
     );
     Err(Error::new(Kind::Input, message))

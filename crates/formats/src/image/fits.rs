@@ -2,7 +2,7 @@
 //!
 //! Rows stay in the order of the file, whose first row many programs show at the bottom.
 
-use super::{Decoded, Depth, ImageError, Oddity, check_finite, interleaved, sample_count};
+use super::{Decoded, Depth, ImageError, Oddity, aspect, check_finite, interleaved, sample_count};
 use crate::fits_header::{BLOCK, Header};
 use physics::{Frame, Mosaic, Samples};
 
@@ -117,6 +117,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, ImageError> {
     Ok(Decoded {
         // Files of colours keep the card of the mosaic that they were made of.
         mosaic: mosaic.filter(|_| axes == 2),
+        pixel_aspect: pixel_aspect(&header),
         ..Decoded::plain(frame, depth)
     })
 }
@@ -207,6 +208,23 @@ fn mosaic(header: &Header<'_>) -> Result<Option<Mosaic>, ImageError> {
     ))
 }
 
+/// Width of a pixel over its height, from the size of the sensor's or else of what they show.
+fn pixel_aspect(header: &Header<'_>) -> f64 {
+    // Steps of a wavelength and an angle do not compare.
+    let alike = header.value("CUNIT1") == header.value("CUNIT2");
+    let number = |keyword| header.card(keyword).and_then(|card| card.number());
+    [
+        ("XPIXSZ", "YPIXSZ"),
+        ("PIXSIZE1", "PIXSIZE2"),
+        ("CDELT1", "CDELT2"),
+    ]
+    .into_iter()
+    .filter(|(across, _)| alike || *across != "CDELT1")
+    // Right ascension runs to the left: its step is negative.
+    .find_map(|(across, down)| Some(aspect(number(across)?.abs(), number(down)?.abs())))
+    .unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::decode_frame;
@@ -244,6 +262,24 @@ mod tests {
         assert_eq!(scaled.frame.samples, Samples::F32(vec![0.5, 1.0]));
         let long = row(&["BITPIX  = 32"], &[0, 1, 0, 0, 0, 0, 0, 1]).unwrap();
         assert_eq!(long.frame.samples, Samples::F32(vec![65536.0, 1.0]));
+    }
+
+    #[test]
+    fn pixels_that_are_not_square_say_so() {
+        let found = |cards: &[&str]| {
+            let cards = [&["BITPIX  = 8"], cards].concat();
+            row(&cards, &[1, 2]).unwrap().pixel_aspect
+        };
+        assert_eq!(found(&["XPIXSZ  = 7.5", "YPIXSZ  = 5.0"]), 1.5);
+        assert_eq!(found(&["CDELT1  = -0.002", "CDELT2  = 0.001"]), 2.0);
+        // The sensor's own size comes first.
+        let both = ["CDELT1  = 3.0", "CDELT2  = 1.0", "PIXSIZE1= 6.0"];
+        assert_eq!(found(&[&both[..], &["PIXSIZE2= 4.0"]].concat()), 1.5);
+        // A spectrum along a slit, one step alone, and none that could be.
+        let units = ["CUNIT1  = 'nm'", "CUNIT2  = 'arcsec'"];
+        assert_eq!(found(&[&both[..2], &units].concat()), 1.0);
+        assert_eq!(found(&["CDELT1  = 2.0"]), 1.0);
+        assert_eq!(found(&["CDELT1  = 2.0", "CDELT2  = 0.0"]), 1.0);
     }
 
     #[test]

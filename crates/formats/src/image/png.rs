@@ -1,6 +1,8 @@
 //! PNG frames.
 
-use super::{Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, icc, sample_count, size_to_write};
+use super::{
+    Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, aspect, icc, sample_count, size_to_write,
+};
 use crate::metadata::{behind_png, png_chunk, tags};
 use physics::Frame;
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
@@ -47,6 +49,10 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
     if behind_png(bytes).starts_with(b"\x89PNG") {
         return Err(ImageError::Odd(Oddity::ManyImages));
     }
+    // Pixels per unit, whatever that is.
+    let pixel_aspect = info.pixel_dims.map_or(1.0, |per_unit| {
+        aspect(per_unit.yppu.into(), per_unit.xppu.into())
+    });
     let (width, height) = (info.width, info.height);
     let size = [width, height, channels];
     let count = sample_count(size, bytes.len() as u64, LARGEST_RATIO, bits)?;
@@ -88,6 +94,7 @@ pub(super) fn decode(bytes: &[u8], mut spare: Vec<u16>) -> Result<Decoded, Image
     };
     Ok(Decoded {
         curve,
+        pixel_aspect,
         ..Decoded::plain(frame, Depth::Bits(bits as u16))
     })
 }
@@ -275,6 +282,20 @@ mod tests {
         out.extend(crc(&named).to_be_bytes());
         out.extend(rest);
         out
+    }
+
+    #[test]
+    fn pixels_that_are_not_square_say_so() {
+        let plain = file(ColorType::Grayscale, BitDepth::Sixteen, &[0; 4]);
+        let found = |across: u32, down: u32| {
+            let body = [&across.to_be_bytes()[..], &down.to_be_bytes(), &[1]].concat();
+            let bytes = with_chunk(&plain, *b"pHYs", &body);
+            decode_frame(&bytes).unwrap().pixel_aspect
+        };
+        // Twice as many to a metre across as down: half as wide as they are high.
+        assert_eq!(found(200_000, 100_000), 0.5);
+        assert_eq!(found(3937, 3937), 1.0);
+        assert_eq!(found(0, 3937), 1.0);
     }
 
     #[test]

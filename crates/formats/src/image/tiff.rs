@@ -1,7 +1,7 @@
 //! TIFF frames.
 
 use super::{
-    Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, check_finite, icc, interleaved,
+    Decoded, Depth, ImageError, LARGEST_RATIO, Oddity, aspect, check_finite, icc, interleaved,
     sample_count, size_to_write,
     undeveloped::{self, Found, Patched},
 };
@@ -9,7 +9,7 @@ use crate::metadata::tags::beyond_the_end;
 use physics::{Frame, Samples};
 use std::io::{Seek, Write};
 use std::ops::Range;
-use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::decoder::{Decoder, DecodingResult, Limits, ifd::Value};
 use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;
 use tiff::{TiffError, TiffUnsupportedError};
@@ -59,6 +59,12 @@ pub(super) fn decode(
     let (width, height) = reader.dimensions()?;
     let profile = reader.find_tag_unsigned_vec::<u8>(Tag::IccProfile);
     let curve = profile?.is_some_and(|profile| icc::bends(&profile));
+    let mut per_unit = |tag| match reader.find_tag(tag) {
+        Ok(Some(Value::Rational(n, d))) => f64::from(n) / f64::from(d),
+        _ => 0.0,
+    };
+    // Pixels per unit, whatever that is; of a DNG, those of the picture that it makes.
+    let pixel_aspect = aspect(per_unit(Tag::YResolution), per_unit(Tag::XResolution));
     let planar = channels > 1 && tag(&mut reader, Tag::PlanarConfiguration, 1)? != 1;
     let stored = stored_bytes(&mut reader, bytes.len() as u64)?;
     let ratio = match tag(&mut reader, Tag::Compression, 1)? {
@@ -128,7 +134,10 @@ pub(super) fn decode(
     check_finite(&frame)?;
     let decoded = match raw {
         Some(raw) => raw.developed_no_further(frame, depth)?,
-        None => Decoded::plain(frame, depth),
+        None => Decoded {
+            pixel_aspect,
+            ..Decoded::plain(frame, depth)
+        },
     };
     Ok((Decoded { curve, ..decoded }, place))
 }
@@ -369,6 +378,7 @@ mod tests {
     use super::super::{FileWords, decode_frame, decode_frame_of};
     use super::*;
     use std::io::Cursor;
+    use tiff::encoder::Rational;
 
     const SHORT: u16 = 3;
     const LONG: u16 = 4;
@@ -444,6 +454,30 @@ mod tests {
         assert_eq!(decode_frame(&little).unwrap().frame.samples, samples);
         let big = file(true, &[], &[0x01, 0x02, 0xff, 0x00]);
         assert_eq!(decode_frame(&big).unwrap().frame.samples, samples);
+    }
+
+    #[test]
+    fn pixels_that_are_not_square_say_so() {
+        let found = |resolution: [[u32; 2]; 2]| {
+            let mut bytes = vec![];
+            let mut encoder = TiffEncoder::new(Cursor::new(&mut bytes)).unwrap();
+            let mut image = encoder.new_image::<colortype::Gray16>(2, 1).unwrap();
+            let [across, down] = resolution.map(|[n, d]| Rational { n, d });
+            image.x_resolution(across);
+            image.y_resolution(down);
+            image.write_data(&[1, 2]).unwrap();
+            decode_frame(&bytes).unwrap().pixel_aspect
+        };
+        // Twice as many to a unit across as down: half as wide as they are high.
+        assert_eq!(found([[300, 1], [150, 1]]), 0.5);
+        assert_eq!(found([[72, 1], [72, 1]]), 1.0);
+        assert_eq!(found([[0, 0], [72, 1]]), 1.0);
+        assert_eq!(
+            decode_frame(&file(false, &[], &[0; 4]))
+                .unwrap()
+                .pixel_aspect,
+            1.0
+        );
     }
 
     #[test]

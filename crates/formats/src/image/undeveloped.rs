@@ -3,7 +3,7 @@
 //! Where it stands and what colours it has is read here; its pixels are decoded as those of any
 //! gray TIFF, through [`Patched`], which shows the decoder a file of that one picture.
 
-use super::{Bending, Decoded, Depth, ImageError, Lossy, Oddity, tiff::CFA};
+use super::{Bending, Decoded, Depth, ImageError, Lossy, Oddity, aspect, tiff::CFA};
 use crate::metadata::tags::{Directory, File};
 use physics::{Frame, Mosaic, Samples};
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -224,10 +224,7 @@ fn picture(file: &File<'_>, bytes: &[u8], main: &Directory<'_>, at: u64) -> Foun
         }
     };
     let scale = get(DEFAULT_SCALE).and_then(|tag| file.ratios(tag));
-    let aspect = match scale {
-        Some([across, down]) if across > 0.0 && down > 0.0 => across / down,
-        _ => 1.0,
-    };
+    let aspect = scale.map_or(1.0, |[across, down]| aspect(across, down));
     // By the letter of DNG, floating point is full at 1.
     let default = (is_dng && whole(SAMPLE_FORMAT) == Some(3)).then_some(1.0);
     let white = list(WHITE_LEVEL).and_then(|levels| levels.into_iter().min());
