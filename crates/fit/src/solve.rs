@@ -206,8 +206,9 @@ fn on_constraint(problem: &Problem, lambda: f64, near: Option<Point>) -> (Point,
         };
         let step = (next - tau).abs();
         tau = next;
-        // To rounding: near the bound, and for dark media, Newton's steps shrink slowly.
-        if step <= 1e-14 * tau || high - low <= 1e-15 * tau {
+        // To rounding, a hundred times as much of the total of dark media as of τ: near the bound,
+        // and for those, Newton's steps shrink slowly.
+        if step <= f64::EPSILON * tau || high - low <= f64::EPSILON * tau {
             break;
         }
     }
