@@ -160,11 +160,16 @@ pub fn turned_anyhow(turn: f32, azimuth: (f32, f32)) -> (f32, f32, f32) {
 #[inline(always)]
 pub fn turned<const FMA: bool>(axis: [f32; 3], turn: f32, azimuth: (f32, f32)) -> (f32, f32, f32) {
     let (a, b, cos) = turned_anyhow(turn, azimuth);
-    let (nx, ny, nz) = along_axis::<FMA>(axis, [a, b, cos]);
-    // One step of Newton's keeps rounding from adding up over thousands of scatterings.
-    let norm2 = fma::<FMA>(nx, nx, fma::<FMA>(ny, ny, nz * nz));
+    unit::<FMA>(along_axis::<FMA>(axis, [a, b, cos]))
+}
+
+/// A direction whose length is 1 but for rounding, made so again: one step of Newton's keeps rounding
+/// from adding up over thousands of scatterings.
+#[inline(always)]
+pub fn unit<const FMA: bool>((x, y, z): (f32, f32, f32)) -> (f32, f32, f32) {
+    let norm2 = fma::<FMA>(x, x, fma::<FMA>(y, y, z * z));
     let scale = fma::<FMA>(-0.5, norm2, 1.5);
-    (nx * scale, ny * scale, nz * scale)
+    (x * scale, y * scale, z * scale)
 }
 
 /// A vector that is given in a frame whose third axis is `axis`.

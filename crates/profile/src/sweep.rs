@@ -5,6 +5,7 @@ use crate::curve::Curve;
 use crate::rings::{Rings, Run};
 use crate::survey::Limit;
 use physics::ChannelMap;
+use physics::lanes::mask;
 use physics::simd::{LaneLoop, SimdPath};
 use rayon::prelude::*;
 use std::array::from_fn;
@@ -373,11 +374,6 @@ impl OfRing {
 
 /// All ones where a lane counts, or 0.
 type Mask = [u32; LANES];
-
-#[inline(always)]
-fn mask(is: bool) -> u32 {
-    u32::from(is).wrapping_neg()
-}
 
 /// `terms`, or 0 where the mask says so.
 #[inline(always)]

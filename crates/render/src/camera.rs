@@ -168,10 +168,18 @@ impl Camera {
 
     /// The pixel at a place of the picture.
     #[inline]
-    pub(crate) fn pixel_at(&self, [x, y]: [f64; 2]) -> Option<usize> {
-        let inside =
-            x >= 0.0 && y >= 0.0 && x < self.view.width as f64 && y < self.view.height as f64;
-        inside.then(|| y as usize * self.view.width + x as usize)
+    fn pixel_at(&self, place: [f64; 2]) -> Option<usize> {
+        let (pixel, inside) = self.pixel_in_lanes(place);
+        inside.then_some(pixel as usize)
+    }
+
+    /// The same, and whether there is one, without a branch.
+    #[inline(always)]
+    fn pixel_in_lanes(&self, [x, y]: [f64; 2]) -> (u32, bool) {
+        let (width, height) = (self.view.width as f64, self.view.height as f64);
+        let inside = (x >= 0.0) & (y >= 0.0) & (x < width) & (y < height);
+        let pixel = (y as i32 as u32).wrapping_mul(self.view.width as u32);
+        (pixel.wrapping_add(x as i32 as u32), inside)
     }
 
     /// What a face looks like to the camera from inside a medium of relative index `eta`; `None`
@@ -307,12 +315,8 @@ impl Window {
 
     /// The pixel at a place of the picture, and whether there is one. Without a branch.
     #[inline(always)]
-    pub(crate) fn pixel_in_lanes(&self, [x, y]: [f64; 2]) -> (u32, bool) {
-        let view = &self.camera.view;
-        let (width, height) = (view.width as f64, view.height as f64);
-        let inside = (x >= 0.0) & (y >= 0.0) & (x < width) & (y < height);
-        let pixel = (y as i32 as u32).wrapping_mul(view.width as u32);
-        (pixel.wrapping_add(x as i32 as u32), inside)
+    pub(crate) fn pixel_in_lanes(&self, place: [f64; 2]) -> (u32, bool) {
+        self.camera.pixel_in_lanes(place)
     }
 
     /// What is the same for all points, where rays are parallel.

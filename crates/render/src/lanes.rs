@@ -15,7 +15,7 @@ use crate::shape::{Block, Solid};
 use crate::walk::{Photon, survives, through_ball};
 use physics::lanes::{
     Floats, Stream32, WIDTH, Words, along_axis, choose, fma, henyey_greenstein, ln, mask, minus_ln,
-    random_direction, turned, turned_anyhow, uniform,
+    random_direction, turned, turned_anyhow, uniform, unit,
 };
 use physics::random::{Stream, lane, uniform as draw};
 use physics::simd::{LaneLoop, SimdPath, exp};
@@ -42,7 +42,7 @@ const LEAPS: u32 = SPLITS << 2;
 /// Might leap, but walks through the ball.
 const STROLLS: u32 = SPLITS << 3;
 
-/// A face that the camera sees. Depths are optical.
+/// A face that the camera sees.
 #[derive(Clone, Copy)]
 struct Pane {
     normal: [f32; 3],
@@ -270,16 +270,14 @@ fn leap<const FMA: bool>(chunk: &mut Chunk, exits: &Exits, sigma_a: f32) {
             chunk.direction[2][i],
         ];
         let (x, y, z) = along_axis::<FMA>(axis, turned(&exits.at));
-        let (ux, uy, uz) = along_axis::<FMA>(axis, turned(&exits.direction));
+        let (ux, uy, uz) = unit::<FMA>(along_axis::<FMA>(axis, turned(&exits.direction)));
         chunk.at[0][i] += x;
         chunk.at[1][i] += y;
         chunk.at[2][i] += z;
         let leaps = mask(exits.length[i] > 0.0);
-        let norm2 = fma::<FMA>(ux, ux, fma::<FMA>(uy, uy, uz * uz));
-        let scale = fma::<FMA>(-0.5, norm2, 1.5);
-        chunk.direction[0][i] = choose(leaps, ux * scale, axis[0]);
-        chunk.direction[1][i] = choose(leaps, uy * scale, axis[1]);
-        chunk.direction[2][i] = choose(leaps, uz * scale, axis[2]);
+        chunk.direction[0][i] = choose(leaps, ux, axis[0]);
+        chunk.direction[1][i] = choose(leaps, uy, axis[1]);
+        chunk.direction[2][i] = choose(leaps, uz, axis[2]);
         chunk.depth[i] = fma::<FMA>(sigma_a, exits.length[i], chunk.depth[i]);
         chunk.order[i] = chunk.order[i].wrapping_add(exits.order[i]);
     }
@@ -618,16 +616,9 @@ impl<'a> Pool<'a> {
     /// The photon of a lane, where it is and as it goes on.
     fn photon(&self, lane: usize) -> Photon {
         let (chunk, i) = (&self.chunks[lane / WIDTH], lane % WIDTH);
-        let vector = |floats: &[Floats; 3]| {
-            Vec3::new(
-                floats[0][i].into(),
-                floats[1][i].into(),
-                floats[2][i].into(),
-            )
-        };
         Photon {
-            at: self.center + vector(&chunk.at),
-            direction: vector(&chunk.direction),
+            at: self.center + vector(&chunk.at, i),
+            direction: vector(&chunk.direction, i),
             depth: chunk.depth[i].into(),
         }
     }
@@ -738,10 +729,7 @@ impl<'a> Pool<'a> {
                 self.connect(lane, k, watch);
             } else if marks & (IN_CORNER << k) != 0 {
                 let photon = self.before(lane);
-                let reached = Reached {
-                    most: f64::from(self.chunks[c].most[i]) / watch.medium.sigma_t(),
-                    sure: SURE_DEPTH,
-                };
+                let reached = reached(self.chunks[c].most[i], watch.medium);
                 let source = watch.source;
                 watch.connect(&source.windows[watch.index][k], &photon, reached, 1.0);
             }
@@ -779,9 +767,8 @@ impl<'a> Pool<'a> {
     /// The photon of a lane as it came to its scattering.
     fn before(&self, lane: usize) -> Photon {
         let (chunk, i) = (&self.chunks[lane / WIDTH], lane % WIDTH);
-        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(chunk.before[axis][i]));
         Photon {
-            direction: Vec3::new(x, y, z),
+            direction: vector(&chunk.before, i),
             ..self.photon(lane)
         }
     }
@@ -823,17 +810,12 @@ impl<'a> Pool<'a> {
         let among_others = watch.photons.scene.objects.len() > 1;
         for i in 0..batch.filled {
             if batch.off[i] > SETTLED {
-                let vector =
-                    |of: &[Floats; 3]| Vec3::new(of[0][i].into(), of[1][i].into(), of[2][i].into());
                 let photon = Photon {
-                    at: self.center + vector(&batch.at),
-                    direction: vector(&batch.direction),
+                    at: self.center + vector(&batch.at, i),
+                    direction: vector(&batch.direction, i),
                     depth: batch.depth[i].into(),
                 };
-                let reached = Reached {
-                    most: f64::from(batch.most[i]) / watch.medium.sigma_t(),
-                    sure: SURE_DEPTH,
-                };
+                let reached = reached(batch.most[i], watch.medium);
                 let order = std::mem::replace(&mut watch.order, batch.order[i]);
                 watch.connect(&window, &photon, reached, 1.0);
                 watch.order = order;
@@ -853,6 +835,20 @@ impl<'a> Pool<'a> {
             watch.add(batch.pixel[i] as usize, batch.order[i], batch.value[i]);
         }
         batch.filled = 0;
+    }
+}
+
+/// The vector of a lane.
+fn vector(of: &[Floats; 3], lane: usize) -> Vec3 {
+    let [x, y, z] = [0, 1, 2].map(|axis| f64::from(of[axis][lane]));
+    Vec3::new(x, y, z)
+}
+
+/// How far a connection goes that roulette lets go to the optical depth `most`.
+fn reached(most: f32, medium: &Medium) -> Reached {
+    Reached {
+        most: f64::from(most) / medium.sigma_t(),
+        sure: SURE_DEPTH,
     }
 }
 
@@ -1006,10 +1002,7 @@ mod tests {
                     batch: &mut batch,
                 });
                 for i in 0..WIDTH {
-                    let vector = |of: &[Floats; 3]| {
-                        Vec3::new(of[0][i].into(), of[1][i].into(), of[2][i].into())
-                    };
-                    let at = center + vector(&batch.at);
+                    let at = center + vector(&batch.at, i);
                     let way = window.connect(at, window.depth(at));
                     let way = way.filter(|way| way.length * medium.sigma_t() <= 4.0);
                     let Some(way) = way else {
@@ -1017,7 +1010,7 @@ mod tests {
                         continue;
                     };
                     seen += 1;
-                    let cos = way.inner.dot(vector(&batch.direction));
+                    let cos = way.inner.dot(vector(&batch.direction, i));
                     let depth = way.length * medium.sigma_t();
                     let weight = (-depth.min(SURE_DEPTH) - f64::from(batch.depth[i])).exp();
                     let expected = HenyeyGreenstein { g: 0.6 }.density(cos)
